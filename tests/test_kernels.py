@@ -26,9 +26,9 @@ from warp_cloth.kernels.base.types import PRECISIONS
 from warp_cloth.kernels.certificate.energy import measure_bending_kernel, measure_tension_kernel, measure_weave_kernel
 from warp_cloth.kernels.certificate.pressure import normal_force_kernel
 from warp_cloth.kernels.certificate.residual import residual_kernel
-from warp_cloth.kernels.contact.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
+from warp_cloth.kernels.contact.crossing_search import crossing_groups_kernel, crossing_list_kernels
 from warp_cloth.kernels.contact.force import force_kernel
-from warp_cloth.kernels.contact.pairs import near_groups_kernel, near_leaves_kernel, pairs_kernel
+from warp_cloth.kernels.contact.pairs import near_groups_kernel, near_list_kernels
 from warp_cloth.kernels.contact.search import refit_kernel, start_kernel
 from warp_cloth.kernels.contact.sums import add_load_kernel
 from warp_cloth.kernels.contact.untangle import finish_kernel, layers_kernel
@@ -210,9 +210,9 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_kernels_of_cloth_on_cloth_compile(precision: str) -> None:
-    searching = start_kernel, refit_kernel, near_groups_kernel, near_leaves_kernel, pairs_kernel
-    parting = crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel, layers_kernel, finish_kernel
-    loaded(*(made(precision) for made in (*searching, *parting, add_load_kernel)))
+    searching = start_kernel, refit_kernel, near_groups_kernel, crossing_groups_kernel
+    loaded(*(made(precision) for made in (*searching, layers_kernel, finish_kernel, add_load_kernel)))
+    loaded(*near_list_kernels(precision), *crossing_list_kernels(precision))
     loaded(*(force_kernel(precision, *rest) for rest in spread(precision, Accumulate)))
 
 

@@ -3,6 +3,8 @@
 That allowance takes more instructions than the arithmetic of what is read. On a GPU vectors of four are read in one go.
 """
 
+from typing import Any
+
 import warp as wp
 
 _ELEMENT = "return array.data[index];"
@@ -45,3 +47,9 @@ for _dtype in (wp.vec4f, wp.vec4d):
     def add_to(array: wp.array(dtype=_dtype), index: int, value: _dtype):
         """Adds to what an array holds."""
         array[index] += value
+
+
+@wp.func
+def position_of(state: Any, vertex: int):
+    """Position of a vertex [m], in float64 whatever type positions are stored in; ``state`` of types.cloth_types."""
+    return wp.vec3d(element(state.position, vertex))

@@ -255,19 +255,6 @@ def free_function(precision: str, pins: bool) -> wp.Function:
 
 
 @functools.cache
-def place_function(precision: str) -> wp.Function:
-    """The function that reads where a vertex is, in float64 whatever the positions are kept in."""
-    point = cloth_types(precision).point
-
-    @wp.func
-    def at(position: wp.array(dtype=point), vertex: int):
-        """Where a vertex is [m]."""
-        return wp.vec3d(element(position, vertex))
-
-    return at
-
-
-@functools.cache
 def difference_function(precision: str) -> wp.Function:
     """The function that subtracts two positions, exact in their own type, and returns the types' ``vec3``."""
     types = cloth_types(precision)

@@ -2,11 +2,11 @@
 
 How much is near a group differs tenfold, and a GPU waits for the slowest. So a team traverses the tree for a whole
 group and lists the groups that overlap it; then a team for each such pair lists the leaves whose boxes overlap; then a
-thread for each of these runs the exact test. Whatever does not fit a list is worked on at once: with lists of no
+thread for each of these runs the exact test. Whatever does not fit a list is processed at once: with lists of no
 capacity, as on the CPU, the first step does everything.
 
-The factories take the types of the kernels' arguments (state, search, contact and one more, ``extra``) and the function
-that works on a candidate.
+Every step passes on the arguments of the exact test: state, search (search.ContactSearch), contact and one more,
+``extra``, which is the stick memory or what untangles.
 """
 
 import functools
@@ -14,6 +14,7 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import ContactData
 from warp_cloth.kernels.contact.box_tree import (
     MOST_THREADS,
@@ -30,13 +31,13 @@ from warp_cloth.kernels.contact.box_tree import (
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-# Launch bounds of kernels that list leaves: threads in a block, and blocks that must fit a core's registers. A core
-# hides more latency with more threads, if what only a full list needs is spilled.
+# Launch bounds of kernels that list leaves: threads in a block, and blocks that must fit a multiprocessor's registers.
+# With more threads it hides more latency, if what only a full list needs is spilled.
 LIST_LAUNCH = (MOST_THREADS, 4)
 
+LEAF_LISTS = wp.constant(wp.int32(32))  # of equal capacity: with a single counter teams would wait for each other
 GROUP_COUNT = wp.constant(wp.int32(0))  # number of the counter of pairs of groups
-LEAF_COUNTS = wp.constant(wp.int32(1))  # and of the first counter of pairs of leaves, one for each part of their list
-LIST_PARTS = wp.constant(wp.int32(32))  # with a single counter teams would wait for each other
+LEAF_COUNTS = wp.constant(wp.int32(1))  # and of the first counter of pairs of leaves, one for each of their lists
 COUNTER_STRIDE = wp.constant(wp.int32(32))  # elements between counters: neighbours would share a cache line
 
 
@@ -44,7 +45,7 @@ COUNTER_STRIDE = wp.constant(wp.int32(32))  # elements between counters: neighbo
 class Candidates:
     """Lists of candidate pairs; counts go on beyond the lists' capacity."""
 
-    count: wp.array(dtype=wp.int32)  # of groups, and of each part of leaves, shape [(1 + LIST_PARTS) COUNTER_STRIDE]
+    count: wp.array(dtype=wp.int32)  # of groups, and of each list of leaves, shape [(1 + LEAF_LISTS) COUNTER_STRIDE]
     group: wp.array(dtype=wp.vec3i)  # kind of query, the querying group, the group of leaves that it overlaps
     leaf: wp.array(dtype=wp.vec2i)  # querying edge's place in its tree, or -1 - vertex, and the leaf that it overlaps
 
@@ -61,8 +62,8 @@ class Query:
 def clear_candidates(candidates: Candidates, thread: int):
     """Empties the lists, by the first thread."""
     if thread == 0:
-        for part in range(LEAF_COUNTS + LIST_PARTS):
-            candidates.count[part * COUNTER_STRIDE] = 0
+        for counter in range(LEAF_COUNTS + LEAF_LISTS):
+            candidates.count[counter * COUNTER_STRIDE] = 0
 
 
 _TEAM_SLOT = """
@@ -119,21 +120,25 @@ def team_slot(count: wp.array(dtype=wp.int32), which: int, more: int) -> int:
 
 
 @functools.cache
-def list_groups_function(work: wp.Function, State: Any, Search: Any, Extra: Any) -> wp.Function:
-    """Function ``list_groups``; arguments as in ``walk_groups_function``."""
+def walk_groups_function(find_leaves: wp.Function) -> wp.Function:
+    """Function ``walk_groups``.
+
+    ``find_leaves`` searches a pair of groups: (state, search, contact, extra, candidates, query, group of leaves), a
+    whole team at once.
+    """
 
     @wp.func
     def list_groups(
-        state: State,
-        search: Search,
+        state: Any,
+        search: Any,
         contact: ContactData,
-        extra: Extra,
+        extra: Any,
         candidates: Candidates,
         query: Query,
         first: int,
         mask: wp.uint32,
     ):
-        """Lists the groups first + k, k the bits of a mask, or works on them where the list is full.
+        """Lists the groups first + k, k the bits of a mask, or searches them where the list is full.
 
         Each of a team's threads has a first group and a mask of its own.
         """
@@ -146,38 +151,26 @@ def list_groups_function(work: wp.Function, State: Any, Search: Any, Extra: Any)
             candidates.group[slot] = wp.vec3i(query.kind, query.group, first + lowest_bit(left))
             left = left & (left - wp.uint32(1))
             slot += 1
-        if team_max(base + count) > capacity:  # the whole team works on each thread's remaining groups in turn
+        if team_max(base + count) > capacity:  # the team searches each thread's remaining groups together
             for lane in range(team_threads()):
                 others = wp.uint32(team_value(wp.int32(left), lane))
                 place = team_value(first, lane)
                 while others != wp.uint32(0):
-                    work(state, search, contact, extra, candidates, query, place + lowest_bit(others))
+                    find_leaves(state, search, contact, extra, candidates, query, place + lowest_bit(others))
                     others = others & (others - wp.uint32(1))
-
-    return list_groups
-
-
-@functools.cache
-def walk_groups_function(work: wp.Function, State: Any, Search: Any, Extra: Any) -> wp.Function:
-    """Function ``walk_groups``.
-
-    ``work`` works on a pair of groups: (state, search, contact, extra, candidates, query, group of leaves), a whole
-    team at once.
-    """
-    list_groups = list_groups_function(work, State, Search, Extra)
 
     @wp.func
     def walk_groups(
-        state: State,
-        search: Search,
+        state: Any,
+        search: Any,
         contact: ContactData,
-        extra: Extra,
+        extra: Any,
         candidates: Candidates,
         tree: BoxTree,
         start: BoxWalk,
         query: Query,
     ):
-        """Lists the groups of leaves that a traversal visits for a query, or works on them where the list is full.
+        """Lists the groups of leaves that a traversal visits for a query, or searches them where the list is full.
 
         A team lists the results of as many steps at once as it has threads: each time it waits for the list's counter.
         """
@@ -200,94 +193,82 @@ def walk_groups_function(work: wp.Function, State: Any, Search: Any, Extra: Any)
 
 
 @functools.cache
-def process_groups_function(work: wp.Function, State: Any, Search: Any, Extra: Any) -> wp.Function:
-    """Function ``process_groups``; arguments as in ``walk_groups_function``."""
-
-    @wp.func
-    def process_groups(
-        state: State,
-        search: Search,
-        contact: ContactData,
-        extra: Extra,
-        candidates: Candidates,
-        thread: int,
-        threads: int,
-    ):
-        """Works on a thread's share of the listed pairs of groups, a team on each."""
-        row = thread // team_threads()
-        count = wp.min(candidates.count[GROUP_COUNT], candidates.group.shape[0])
-        while row < count:
-            pair = candidates.group[row]
-            query = Query()
-            query.kind = pair[0]
-            query.group = pair[1]
-            work(state, search, contact, extra, candidates, query, pair[2])
-            row += threads // team_threads()
-
-    return process_groups
-
-
-@functools.cache
-def list_leaves_function(work: wp.Function, State: Any, Search: Any, Extra: Any) -> wp.Function:
+def list_leaves_function(test: wp.Function) -> wp.Function:
     """Function ``list_leaves``.
 
-    ``work`` works on a pair of leaves: (state, search, contact, extra, querying, leaf), a thread on each; ``querying``
-    and ``leaf`` as in Candidates.leaf.
+    ``test`` is the exact test of a pair of leaves: (state, search, contact, extra, querying, leaf), a thread for each;
+    ``querying`` and ``leaf`` as in Candidates.leaf.
     """
 
     @wp.func
     def list_leaves(
-        state: State,
-        search: Search,
+        state: Any,
+        search: Any,
         contact: ContactData,
-        extra: Extra,
+        extra: Any,
         candidates: Candidates,
         querying: int,
         group: int,
         mask: wp.uint32,
     ):
-        """Lists the leaves of a group that a mask names, or works on them where the list is full."""
-        part = team_number() & (LIST_PARTS - 1)
-        capacity = candidates.leaf.shape[0] // LIST_PARTS
-        slot = team_slot(candidates.count, (LEAF_COUNTS + part) * COUNTER_STRIDE, bit_count(mask))
+        """Lists the leaves of a group that a mask names, or tests them where the list is full."""
+        number = team_number() & (LEAF_LISTS - 1)
+        capacity = candidates.leaf.shape[0] // LEAF_LISTS
+        slot = team_slot(candidates.count, (LEAF_COUNTS + number) * COUNTER_STRIDE, bit_count(mask))
         left = wp.uint32(mask)
         while left != wp.uint32(0):
             leaf = WIDTH * group + lowest_bit(left)
             left = left & (left - wp.uint32(1))
             if slot < capacity:
-                candidates.leaf[part * capacity + slot] = wp.vec2i(querying, leaf)
+                candidates.leaf[number * capacity + slot] = wp.vec2i(querying, leaf)
             else:
-                work(state, search, contact, extra, querying, leaf)
+                test(state, search, contact, extra, querying, leaf)
             slot += 1
 
     return list_leaves
 
 
 @functools.cache
-def process_leaves_function(work: wp.Function, State: Any, Search: Any, Extra: Any) -> wp.Function:
-    """Function ``process_leaves``; arguments as in ``list_leaves_function``."""
+def groups_kernel(precision: str, find_leaves: wp.Function, Search: Any, Extra: Any) -> wp.Kernel:
+    """Kernel ``process_groups``; ``find_leaves`` as in ``walk_groups_function``, and its arguments' types."""
+    State = cloth_types(precision).State
 
-    @wp.func
-    def process_leaves(
-        state: State,
-        search: Search,
-        contact: ContactData,
-        extra: Extra,
-        candidates: Candidates,
-        thread: int,
-        threads: int,
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LIST_LAUNCH)
+    def process_groups(
+        state: State, search: Search, contact: ContactData, extra: Extra, candidates: Candidates, threads: int
     ):
-        """Works on a thread's share of the listed pairs of leaves; a team takes pairs of one part of the list.
-
-        Every part has as many teams.
-        """
-        part = (thread // WIDTH) & (LIST_PARTS - 1)
-        row = thread // (WIDTH * LIST_PARTS) * WIDTH + (thread & (WIDTH - 1))
-        capacity = candidates.leaf.shape[0] // LIST_PARTS
-        count = wp.min(candidates.count[(LEAF_COUNTS + part) * COUNTER_STRIDE], capacity)
+        """Lists the leaves that overlap in the listed pairs of groups, a team for each pair."""
+        row = wp.tid() // team_threads()
+        count = wp.min(candidates.count[GROUP_COUNT], candidates.group.shape[0])
         while row < count:
-            pair = candidates.leaf[part * capacity + row]
-            work(state, search, contact, extra, pair[0], pair[1])
-            row += threads // LIST_PARTS
+            pair = candidates.group[row]
+            query = Query()
+            query.kind = pair[0]
+            query.group = pair[1]
+            find_leaves(state, search, contact, extra, candidates, query, pair[2])
+            row += threads // team_threads()
+
+    return process_groups
+
+
+@functools.cache
+def leaves_kernel(precision: str, test: wp.Function, Search: Any, Extra: Any) -> wp.Kernel:
+    """Kernel ``process_leaves``; ``test`` as in ``list_leaves_function``, and its arguments' types."""
+    State = cloth_types(precision).State
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
+    def process_leaves(
+        state: State, search: Search, contact: ContactData, extra: Extra, candidates: Candidates, threads: int
+    ):
+        """Runs the exact test of the listed pairs of leaves. A team takes pairs of one list; all have as many teams."""
+        thread = wp.tid()
+        number = (thread // WIDTH) & (LEAF_LISTS - 1)
+        row = thread // (WIDTH * LEAF_LISTS) * WIDTH + (thread & (WIDTH - 1))
+        capacity = candidates.leaf.shape[0] // LEAF_LISTS
+        count = wp.min(candidates.count[(LEAF_COUNTS + number) * COUNTER_STRIDE], capacity)
+        while row < count:
+            pair = candidates.leaf[number * capacity + row]
+            test(state, search, contact, extra, pair[0], pair[1])
+            row += threads // LEAF_LISTS
 
     return process_leaves

@@ -1,10 +1,12 @@
 """Crossing search: which edges pass through which triangles, and which other layer each vertex is nearest to."""
 
 import functools
+from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
+from warp_cloth.kernels.base.access import position_of
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import ON_EDGE, ON_TRIANGLE, ContactData
 from warp_cloth.kernels.contact.box_tree import (
     WIDTH,
@@ -17,17 +19,16 @@ from warp_cloth.kernels.contact.box_tree import (
     team_threads,
 )
 from warp_cloth.kernels.contact.broad_phase import (
-    LIST_LAUNCH,
     Candidates,
     Query,
+    groups_kernel,
+    leaves_kernel,
     list_leaves_function,
-    process_groups_function,
-    process_leaves_function,
     walk_groups_function,
 )
 from warp_cloth.kernels.contact.closest_points import nearest_on_triangle
-from warp_cloth.kernels.contact.search import SLACK, ContactSearch, least_box_margin, vertex_group_box_function
-from warp_cloth.kernels.contact.untangle import Untangling, distance_key, separate_crossing_function
+from warp_cloth.kernels.contact.search import SLACK, ContactSearch, least_box_margin, vertex_group_box
+from warp_cloth.kernels.contact.untangle import Untangling, distance_key, separate_crossing
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -73,189 +74,153 @@ def tangled_vertices(search: ContactSearch, group: int):
     return team_max(found) > 0
 
 
-@functools.cache
-def crossing_test_function(precision: str) -> wp.Function:
-    """Function ``test_crossing``, the exact test of two leaves whose boxes overlap."""
-    State, at = cloth_types(precision).State, place_function(precision)
-    separate_crossing = separate_crossing_function(precision)
+@wp.func
+def test_crossing(
+    state: Any, search: ContactSearch, contact: ContactData, untangling: Untangling, querying: int, leaf: int
+):
+    """Separates an edge and a triangle (Candidates.leaf), or keeps the triangle if it is a vertex's nearest."""
+    triangle = search.triangle_tree.leaf[leaf]
+    if querying >= 0:
+        separate_crossing(state, search, untangling, search.edge_tree.leaf[querying], triangle)
+    else:
+        vertex = -1 - querying
+        t = search.corners[leaf]
+        x = position_of(state, vertex)
+        a = position_of(state, t[0])
+        ab = position_of(state, t[1]) - a
+        ac = position_of(state, t[2]) - a
+        on = nearest_on_triangle(x - a, ab, ac)
+        distance = wp.length(x - a - ab * on[1] - ac * on[2])
+        wp.atomic_min(untangling.nearest, vertex, distance_key(float(distance)) + wp.int64(triangle))
 
-    @wp.func
-    def test_crossing(
-        state: State, search: ContactSearch, contact: ContactData, untangling: Untangling, querying: int, leaf: int
-    ):
-        """Separates an edge and a triangle (Candidates.leaf), or keeps the triangle if it is a vertex's nearest."""
-        triangle = search.triangle_tree.leaf[leaf]
-        if querying >= 0:
-            separate_crossing(state, search, untangling, search.edge_tree.leaf[querying], triangle)
+
+list_leaves = list_leaves_function(test_crossing)
+
+
+@wp.func
+def find_crossing(
+    state: Any,
+    search: ContactSearch,
+    contact: ContactData,
+    untangling: Untangling,
+    candidates: Candidates,
+    query: Query,
+    group: int,
+):
+    """Lists the triangles that edges may pass through, or vertices (ON_TRIANGLE) be near, of a query and a group.
+
+    Tangled edges search themselves (ON_EDGE): a query by triangles (BY_TRIANGLE) skips them.
+    """
+    triangles = wp.where(query.kind == BY_TRIANGLE, query.group, group)
+    others = wp.where(query.kind == BY_TRIANGLE, group, query.group)
+    if query.kind == BY_TRIANGLE:
+        if tangled_edges(search, others):
+            return
+    margin = float(untangling.layer_reach) + SLACK
+    wide = wp.vec3f(margin, margin, margin)
+    less = least_box_margin(contact)
+    tree = search.triangle_tree
+    local = team_lane()
+    while local < WIDTH:
+        mask = wp.uint32(0)
+        querying = WIDTH * others + local
+        if query.kind != ON_TRIANGLE:
+            low, high = load_box(search.edge_tree, 0, querying)
+            low, high = low + less, high - less
+            ends = search.ends[querying]
+            may = may_overlap(tree, triangles, low, high)
+            mask = leaf_overlaps(tree.bound, search.corners, triangles, low, high, ends[0], ends[1], may)
         else:
-            vertex = -1 - querying
-            t = search.corners[leaf]
-            x = at(state.position, vertex)
-            a = at(state.position, t[0])
-            ab = at(state.position, t[1]) - a
-            ac = at(state.position, t[2]) - a
-            on = nearest_on_triangle(x - a, ab, ac)
-            distance = wp.length(x - a - ab * on[1] - ac * on[2])
-            wp.atomic_min(untangling.nearest, vertex, distance_key(float(distance)) + wp.int64(triangle))
-
-    return test_crossing
+            vertex = search.vertex[querying]
+            low = wp.vec3f(position_of(state, wp.max(vertex, 0))) - wide
+            high = low + wide + wide
+            may = wp.where(vertex >= 0, may_overlap(tree, triangles, low, high), 0)
+            mask = leaf_overlaps(tree.bound, search.corners, triangles, low, high, vertex, vertex, may)
+            querying = -1 - vertex
+        list_leaves(state, search, contact, untangling, candidates, querying, triangles, mask)
+        local += team_threads()
 
 
-@functools.cache
-def crossing_leaves_function(precision: str) -> wp.Function:
-    """Function ``find_crossing``, the step from groups to leaves (broad_phase.walk_groups_function)."""
-    State, at = cloth_types(precision).State, place_function(precision)
-    list_leaves = list_leaves_function(crossing_test_function(precision), State, ContactSearch, Untangling)
+walk_groups = walk_groups_function(find_crossing)
 
-    @wp.func
-    def find_crossing(
-        state: State,
-        search: ContactSearch,
-        contact: ContactData,
-        untangling: Untangling,
-        candidates: Candidates,
-        query: Query,
-        group: int,
-    ):
-        """Lists the triangles that edges may pass through, or vertices (ON_TRIANGLE) be near, of a query and a group.
 
-        Tangled edges search themselves (ON_EDGE): a query by triangles (BY_TRIANGLE) skips them.
-        """
-        triangles = wp.where(query.kind == BY_TRIANGLE, query.group, group)
-        others = wp.where(query.kind == BY_TRIANGLE, group, query.group)
-        if query.kind == BY_TRIANGLE:
-            if tangled_edges(search, others):
-                return
+@wp.func
+def query_edges(
+    state: Any,
+    search: ContactSearch,
+    contact: ContactData,
+    untangling: Untangling,
+    candidates: Candidates,
+    group: int,
+    all: bool,
+):
+    """Lists the groups of triangles that a group of edges may pass through, if any is tangled, or ``all``."""
+    edge = search.edge_tree.leaf[WIDTH * group]
+    if edge >= 0 and (all or tangled_edges(search, group)):
+        less = least_box_margin(contact)
+        leaves = search.leaves[search.item[search.edges[edge][0]]]
+        low, high = load_box(search.edge_tree, 1, group)
+        walk = start_walk(search.triangle_tree, low + less, high - less, leaves[0], leaves[1])
+        query = Query()
+        query.kind = ON_EDGE
+        query.group = group
+        walk_groups(state, search, contact, untangling, candidates, search.triangle_tree, walk, query)
+
+
+@wp.func
+def query_triangles(
+    state: Any,
+    search: ContactSearch,
+    contact: ContactData,
+    untangling: Untangling,
+    candidates: Candidates,
+    group: int,
+    all: bool,
+):
+    """Lists the groups of edges that may pass through a group with tangled triangles, unless ``all`` search."""
+    triangle = search.triangle_tree.leaf[WIDTH * group]
+    if triangle >= 0 and not all and tangled_triangles(search, group):
+        less = least_box_margin(contact)
+        leaves = search.leaves[search.item[search.triangles[triangle][0]]]
+        low, high = load_box(search.triangle_tree, 1, group)
+        walk = start_walk(search.edge_tree, low + less, high - less, leaves[2], leaves[3])
+        query = Query()
+        query.kind = BY_TRIANGLE
+        query.group = group
+        walk_groups(state, search, contact, untangling, candidates, search.edge_tree, walk, query)
+
+
+@wp.func
+def query_vertices(
+    state: Any,
+    search: ContactSearch,
+    contact: ContactData,
+    untangling: Untangling,
+    candidates: Candidates,
+    group: int,
+    all: bool,
+):
+    """Lists the groups of other layers' triangles near a group of vertices, if any is tangled, or ``all``."""
+    vertex = search.vertex[WIDTH * group]
+    if vertex >= 0 and (all or tangled_vertices(search, group)):
         margin = float(untangling.layer_reach) + SLACK
         wide = wp.vec3f(margin, margin, margin)
-        less = least_box_margin(contact)
-        tree = search.triangle_tree
-        local = team_lane()
-        while local < WIDTH:
-            mask = wp.uint32(0)
-            querying = WIDTH * others + local
-            if query.kind != ON_TRIANGLE:
-                low, high = load_box(search.edge_tree, 0, querying)
-                low, high = low + less, high - less
-                ends = search.ends[querying]
-                may = may_overlap(tree, triangles, low, high)
-                mask = leaf_overlaps(tree.bound, search.corners, triangles, low, high, ends[0], ends[1], may)
-            else:
-                vertex = search.vertex[querying]
-                low = wp.vec3f(at(state.position, wp.max(vertex, 0))) - wide
-                high = low + wide + wide
-                may = wp.where(vertex >= 0, may_overlap(tree, triangles, low, high), 0)
-                mask = leaf_overlaps(tree.bound, search.corners, triangles, low, high, vertex, vertex, may)
-                querying = -1 - vertex
-            list_leaves(state, search, contact, untangling, candidates, querying, triangles, mask)
-            local += team_threads()
-
-    return find_crossing
-
-
-@functools.cache
-def edge_query_function(precision: str) -> wp.Function:
-    """Function ``query_edges``."""
-    State = cloth_types(precision).State
-    walk_groups = walk_groups_function(crossing_leaves_function(precision), State, ContactSearch, Untangling)
-
-    @wp.func
-    def query_edges(
-        state: State,
-        search: ContactSearch,
-        contact: ContactData,
-        untangling: Untangling,
-        candidates: Candidates,
-        group: int,
-        all: bool,
-    ):
-        """Lists the groups of triangles that a group of edges may pass through, if any is tangled, or ``all``."""
-        edge = search.edge_tree.leaf[WIDTH * group]
-        if edge >= 0 and (all or tangled_edges(search, group)):
-            less = least_box_margin(contact)
-            leaves = search.leaves[search.item[search.edges[edge][0]]]
-            low, high = load_box(search.edge_tree, 1, group)
-            walk = start_walk(search.triangle_tree, low + less, high - less, leaves[0], leaves[1])
-            query = Query()
-            query.kind = ON_EDGE
-            query.group = group
+        item, own = search.leaves[search.item[vertex]], untangling.own_leaves[vertex]
+        low, high = vertex_group_box(state, search, contact, group)
+        query = Query()
+        query.kind = ON_TRIANGLE
+        query.group = group
+        for side in range(2):  # before and after its own layer in the tree
+            begin = wp.where(side == 0, item[0], own[1])
+            end = wp.where(side == 0, own[0], item[1])
+            walk = start_walk(search.triangle_tree, low - wide, high + wide, begin, end)
             walk_groups(state, search, contact, untangling, candidates, search.triangle_tree, walk, query)
-
-    return query_edges
-
-
-@functools.cache
-def triangle_query_function(precision: str) -> wp.Function:
-    """Function ``query_triangles``."""
-    State = cloth_types(precision).State
-    walk_groups = walk_groups_function(crossing_leaves_function(precision), State, ContactSearch, Untangling)
-
-    @wp.func
-    def query_triangles(
-        state: State,
-        search: ContactSearch,
-        contact: ContactData,
-        untangling: Untangling,
-        candidates: Candidates,
-        group: int,
-        all: bool,
-    ):
-        """Lists the groups of edges that may pass through a group with tangled triangles, unless ``all`` search."""
-        triangle = search.triangle_tree.leaf[WIDTH * group]
-        if triangle >= 0 and not all and tangled_triangles(search, group):
-            less = least_box_margin(contact)
-            leaves = search.leaves[search.item[search.triangles[triangle][0]]]
-            low, high = load_box(search.triangle_tree, 1, group)
-            walk = start_walk(search.edge_tree, low + less, high - less, leaves[2], leaves[3])
-            query = Query()
-            query.kind = BY_TRIANGLE
-            query.group = group
-            walk_groups(state, search, contact, untangling, candidates, search.edge_tree, walk, query)
-
-    return query_triangles
-
-
-@functools.cache
-def vertex_query_function(precision: str) -> wp.Function:
-    """Function ``query_vertices``."""
-    State, vertex_group_box = cloth_types(precision).State, vertex_group_box_function(precision)
-    walk_groups = walk_groups_function(crossing_leaves_function(precision), State, ContactSearch, Untangling)
-
-    @wp.func
-    def query_vertices(
-        state: State,
-        search: ContactSearch,
-        contact: ContactData,
-        untangling: Untangling,
-        candidates: Candidates,
-        group: int,
-        all: bool,
-    ):
-        """Lists the groups of other layers' triangles near a group of vertices, if any is tangled, or ``all``."""
-        vertex = search.vertex[WIDTH * group]
-        if vertex >= 0 and (all or tangled_vertices(search, group)):
-            margin = float(untangling.layer_reach) + SLACK
-            wide = wp.vec3f(margin, margin, margin)
-            item, own = search.leaves[search.item[vertex]], untangling.own_leaves[vertex]
-            low, high = vertex_group_box(state, search, contact, group)
-            query = Query()
-            query.kind = ON_TRIANGLE
-            query.group = group
-            for side in range(2):  # before and after its own layer in the tree
-                begin = wp.where(side == 0, item[0], own[1])
-                end = wp.where(side == 0, own[0], item[1])
-                walk = start_walk(search.triangle_tree, low - wide, high + wide, begin, end)
-                walk_groups(state, search, contact, untangling, candidates, search.triangle_tree, walk, query)
-
-    return query_vertices
 
 
 @functools.cache
 def crossing_groups_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_crossing_groups``."""
     State = cloth_types(precision).State
-    query_edges, query_triangles = edge_query_function(precision), triangle_query_function(precision)
-    query_vertices = vertex_query_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def find_crossing_groups(
@@ -263,7 +228,7 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
     ):
         """Lists the groups of leaves that each group of edges, of triangles and of vertices may cross: a team each.
 
-        What was not tangled at the last search, when all that is near was known, can only have met what was.
+        Between two things of which neither was tangled at the last search, which knew all that is near, there is none.
         """
         group = wp.tid() // team_threads()
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
@@ -280,43 +245,9 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
     return find_crossing_groups
 
 
-@functools.cache
-def crossing_leaves_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``find_crossing_leaves``."""
-    State = cloth_types(precision).State
-    process_groups = process_groups_function(crossing_leaves_function(precision), State, ContactSearch, Untangling)
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LIST_LAUNCH)
-    def find_crossing_leaves(
-        state: State,
-        search: ContactSearch,
-        contact: ContactData,
-        untangling: Untangling,
-        candidates: Candidates,
-        threads: int,
-    ):
-        """Lists the leaves of the listed groups that may cross."""
-        process_groups(state, search, contact, untangling, candidates, wp.tid(), threads)
-
-    return find_crossing_leaves
-
-
-@functools.cache
-def crossings_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``separate_crossings``."""
-    State = cloth_types(precision).State
-    process_leaves = process_leaves_function(crossing_test_function(precision), State, ContactSearch, Untangling)
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
-    def separate_crossings(
-        state: State,
-        search: ContactSearch,
-        contact: ContactData,
-        untangling: Untangling,
-        candidates: Candidates,
-        threads: int,
-    ):
-        """Shifts each edge that passes through a triangle, and that triangle, so that they cross less."""
-        process_leaves(state, search, contact, untangling, candidates, wp.tid(), threads)
-
-    return separate_crossings
+def crossing_list_kernels(precision: str) -> tuple[wp.Kernel, wp.Kernel]:
+    """Kernels that process the lists: of pairs of groups, and of pairs of leaves, which separate what crosses."""
+    return (
+        groups_kernel(precision, find_crossing, ContactSearch, Untangling),
+        leaves_kernel(precision, test_crossing, ContactSearch, Untangling),
+    )

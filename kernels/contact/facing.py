@@ -5,7 +5,8 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
+from warp_cloth.kernels.base.access import position_of
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.search import ContactSearch
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -18,7 +19,7 @@ AREA_UNIT = wp.constant(wp.float64(2.0**-48))  # [m2]; integers of it are summed
 @functools.cache
 def sides_kernel(precision: str) -> wp.Kernel:
     """Kernel ``weigh_sides``."""
-    State, at = cloth_types(precision).State, place_function(precision)
+    State = cloth_types(precision).State
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def weigh_sides(
@@ -31,9 +32,9 @@ def sides_kernel(precision: str) -> wp.Kernel:
         """Adds twice each triangle's area to its garment's if it faces away from the body, or subtracts it."""
         triangle = wp.tid()
         corners = search.triangles[triangle]
-        a = at(state.position, corners[0])
-        b = at(state.position, corners[1])
-        c = at(state.position, corners[2])
+        a = position_of(state, corners[0])
+        b = position_of(state, corners[1])
+        c = position_of(state, corners[2])
         normal = wp.cross(b - a, c - a)
         area = wp.length(normal)
         step = normal * (PROBE / wp.max(area, LEAST_AREA))

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.base.access import element, put
+from warp_cloth.kernels.base.access import element, position_of, put
 from warp_cloth.kernels.base.block import BLOCK_THREADS, own_memory
 from warp_cloth.kernels.base.options import Accumulate
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import (
     FORCE_UNIT,
     LENGTH_UNIT,
@@ -218,7 +218,7 @@ def pair_force_function(precision: str, accumulate: Accumulate, sort: int, in_or
     """Function ``add_pair_force`` for pairs of a sort (ON_TRIANGLE, ON_EDGE); others as in ``force_kernel``."""
     types = cloth_types(precision)
     State, Step, real, vec2, vec3 = types.State, types.Step, types.real, types.vec2, types.vec3
-    at, pair_separation = place_function(precision), separation_function(precision, sort)
+    pair_separation = separation_function(precision, sort)
     nearness, slipped, stiffness_ahead = (
         make(precision) for make in (nearness_function, slip_function, stiffness_function)
     )
@@ -240,8 +240,8 @@ def pair_force_function(precision: str, accumulate: Accumulate, sort: int, in_or
         path = wp.int64(0)
         if wp.static(accumulate is not Accumulate.MAGNITUDE):
             path = block_pair_path(place, contact.bounds.path, element(contact.pairs.regions, pair))
-        x_0, x_1 = at(state.position, corners[0]), at(state.position, corners[1])
-        x_2, x_3 = at(state.position, corners[2]), at(state.position, corners[3])
+        x_0, x_1 = position_of(state, corners[0]), position_of(state, corners[1])
+        x_2, x_3 = position_of(state, corners[2]), position_of(state, corners[3])
         fabric = pair_fabric(contact, corners)
         move_0, move_1, move_2, move_3 = vec3(), vec3(), vec3(), vec3()
         if wp.static(accumulate is not Accumulate.MAGNITUDE):

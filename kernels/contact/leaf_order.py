@@ -8,7 +8,8 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
+from warp_cloth.kernels.base.access import position_of
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import ContactData
 from warp_cloth.kernels.contact.box_tree import EMPTY_BOUND, WIDTH, team_lane, team_min
 from warp_cloth.kernels.contact.search import ContactSearch
@@ -34,7 +35,7 @@ def segment_key(segment: int, value: wp.float32) -> wp.int64:
 @functools.cache
 def locate_kernel(precision: str) -> wp.Kernel:
     """Kernel ``locate_leaves``."""
-    State, at = cloth_types(precision).State, place_function(precision)
+    State = cloth_types(precision).State
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def locate_leaves(
@@ -47,14 +48,14 @@ def locate_kernel(precision: str) -> wp.Kernel:
         triangles, edges = search.triangles.shape[0], search.edges.shape[0]
         if leaf < triangles:
             corners = search.triangles[leaf]
-            sum = at(state.position, corners[0]) + at(state.position, corners[1]) + at(state.position, corners[2])
+            sum = position_of(state, corners[0]) + position_of(state, corners[1]) + position_of(state, corners[2])
             place_out[leaf] = wp.vec3f(sum / wp.float64(3.0))
         elif leaf < triangles + edges:
             ends = search.edges[leaf - triangles]
-            sum = at(state.position, ends[0]) + at(state.position, ends[1])
+            sum = position_of(state, ends[0]) + position_of(state, ends[1])
             place_out[leaf] = wp.vec3f(sum / wp.float64(2.0))
         else:
-            place_out[leaf] = wp.vec3f(at(state.position, leaf - triangles - edges))
+            place_out[leaf] = wp.vec3f(position_of(state, leaf - triangles - edges))
 
     return locate_leaves
 

@@ -1,10 +1,12 @@
 """Narrow phase of the search: lists the pairs of cloth that are near each other."""
 
 import functools
+from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
+from warp_cloth.kernels.base.access import position_of
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import (
     NEIGHBOURS,
     ON_EDGE,
@@ -28,15 +30,14 @@ from warp_cloth.kernels.contact.box_tree import (
     team_threads,
 )
 from warp_cloth.kernels.contact.broad_phase import (
-    LIST_LAUNCH,
     Candidates,
     Query,
+    groups_kernel,
+    leaves_kernel,
     list_leaves_function,
-    process_groups_function,
-    process_leaves_function,
     walk_groups_function,
 )
-from warp_cloth.kernels.contact.search import ContactSearch, box_margin, vertex_group_box_function
+from warp_cloth.kernels.contact.search import ContactSearch, box_margin, vertex_group_box
 from warp_cloth.kernels.contact.stick_memory import StickMemory, remembered_stick
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -81,7 +82,7 @@ _NEXT_SLOT = """
 
 @wp.func_native(_NEXT_SLOT)
 def next_slot(count: wp.array(dtype=wp.int32)) -> int:
-    """The counter's next number, a different one for each thread; one atomic for each warp."""
+    """The counter's next value, a different one for each thread; one atomic for each warp."""
     ...
 
 
@@ -89,7 +90,7 @@ def next_slot(count: wp.array(dtype=wp.int32)) -> int:
 def store_pair(
     contact: ContactData, memory: StickMemory, corners: wp.vec4i, kind: int, neighbours: bool, distance: wp.float64
 ):
-    """Counts a pair and, while there is room, stores it, with the stick displacement that it had before the search."""
+    """Counts a pair and stores it, unless the list is full, with its stick displacement from before the search."""
     slot = next_slot(contact.pairs.count)
     if slot < contact.pairs.corners.shape[0]:
         thickness = wp.float64(pair_thickness(contact, corners))
@@ -105,46 +106,34 @@ def store_pair(
 
 
 @functools.cache
-def distance_function(precision: str, sort: int) -> wp.Function:
-    """Function ``pair_distance`` for pairs of a sort (ON_TRIANGLE, ON_EDGE)."""
-    State, at = cloth_types(precision).State, place_function(precision)
-    pair_separation = separation_function(precision, sort)
-
-    @wp.func
-    def pair_distance(state: State, corners: wp.vec4i):
-        """Distance of a pair [m]."""
-        x_0, x_1 = at(state.position, corners[0]), at(state.position, corners[1])
-        x_2, x_3 = at(state.position, corners[2]), at(state.position, corners[3])
-        _weights, _separation, _square, distance = pair_separation(x_0, x_1, x_2, x_3)
-        return wp.float64(distance)
-
-    return pair_distance
-
-
-@functools.cache
 def near_test_function(precision: str) -> wp.Function:
     """Function ``test_near``, the exact test of two leaves whose boxes overlap."""
-    State = cloth_types(precision).State
-    to_triangle, to_edge = distance_function(precision, 0), distance_function(precision, 1)
+    triangle_separation, edge_separation = separation_function(precision, 0), separation_function(precision, 1)
 
     @wp.func
     def test_triangle(
-        state: State, search: ContactSearch, contact: ContactData, memory: StickMemory, vertex: int, t: wp.vec3i
+        state: Any, search: ContactSearch, contact: ContactData, memory: StickMemory, vertex: int, t: wp.vec3i
     ):
         """Stores a vertex and a triangle if they are near each other."""
+        x_0, x_1 = position_of(state, vertex), position_of(state, t[0])
+        x_2, x_3 = position_of(state, t[1]), position_of(state, t[2])
+        _weights, _separation, _square, length = triangle_separation(x_0, x_1, x_2, x_3)
         corners = wp.vec4i(vertex, t[0], t[1], t[2])
-        distance = to_triangle(state, corners)
+        distance = wp.float64(length)
         if distance < pair_reach(contact, corners, ON_TRIANGLE):
             neighbours = near_at_rest(search.near_start, search.near, vertex, t[0], t[1], t[2])
             store_pair(contact, memory, corners, ON_TRIANGLE, neighbours, distance)
 
     @wp.func
     def test_edges(
-        state: State, search: ContactSearch, contact: ContactData, memory: StickMemory, e: wp.vec2i, o: wp.vec2i
+        state: Any, search: ContactSearch, contact: ContactData, memory: StickMemory, e: wp.vec2i, o: wp.vec2i
     ):
         """Stores two edges if they are near each other."""
+        x_0, x_1 = position_of(state, e[0]), position_of(state, e[1])
+        x_2, x_3 = position_of(state, o[0]), position_of(state, o[1])
+        _weights, _separation, _square, length = edge_separation(x_0, x_1, x_2, x_3)
         corners = wp.vec4i(e[0], e[1], o[0], o[1])
-        distance = to_edge(state, corners)
+        distance = wp.float64(length)
         if distance < pair_reach(contact, corners, ON_EDGE):
             neighbours = near_at_rest(search.near_start, search.near, e[0], o[0], o[1], o[1])
             neighbours = neighbours or near_at_rest(search.near_start, search.near, e[1], o[0], o[1], o[1])
@@ -152,7 +141,7 @@ def near_test_function(precision: str) -> wp.Function:
 
     @wp.func
     def test_near(
-        state: State, search: ContactSearch, contact: ContactData, memory: StickMemory, querying: int, leaf: int
+        state: Any, search: ContactSearch, contact: ContactData, memory: StickMemory, querying: int, leaf: int
     ):
         """Stores two leaves (Candidates.leaf) if they are near each other."""
         if querying < 0:
@@ -170,12 +159,11 @@ def near_test_function(precision: str) -> wp.Function:
 @functools.cache
 def near_leaves_function(precision: str) -> wp.Function:
     """Function ``find_near``, the step from groups to leaves (broad_phase.walk_groups_function)."""
-    State, at = cloth_types(precision).State, place_function(precision)
-    list_leaves = list_leaves_function(near_test_function(precision), State, ContactSearch, StickMemory)
+    list_leaves = list_leaves_function(near_test_function(precision))
 
     @wp.func
     def find_near(
-        state: State,
+        state: Any,
         search: ContactSearch,
         contact: ContactData,
         memory: StickMemory,
@@ -197,7 +185,7 @@ def near_leaves_function(precision: str) -> wp.Function:
                     mask = mask & ~low_bits(local + 1)
             else:
                 vertex = search.vertex[querying]
-                x = wp.vec3f(at(state.position, wp.max(vertex, 0)))
+                x = wp.vec3f(position_of(state, wp.max(vertex, 0)))
                 wide = box_margin(contact, contact.trigger.skin[wp.max(vertex, 0)])
                 low, high = x - wide, x + wide
                 may = wp.where(vertex >= 0, may_overlap(search.triangle_tree, group, low, high), 0)
@@ -213,8 +201,7 @@ def near_leaves_function(precision: str) -> wp.Function:
 @functools.cache
 def near_groups_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_near_groups``."""
-    State, vertex_group_box = cloth_types(precision).State, vertex_group_box_function(precision)
-    walk_groups = walk_groups_function(near_leaves_function(precision), State, ContactSearch, StickMemory)
+    State, walk_groups = cloth_types(precision).State, walk_groups_function(near_leaves_function(precision))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def find_near_groups(
@@ -247,43 +234,9 @@ def near_groups_kernel(precision: str) -> wp.Kernel:
     return find_near_groups
 
 
-@functools.cache
-def near_leaves_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``find_near_leaves``."""
-    State = cloth_types(precision).State
-    process_groups = process_groups_function(near_leaves_function(precision), State, ContactSearch, StickMemory)
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LIST_LAUNCH)
-    def find_near_leaves(
-        state: State,
-        search: ContactSearch,
-        contact: ContactData,
-        memory: StickMemory,
-        candidates: Candidates,
-        threads: int,
-    ):
-        """Lists the leaves of the listed groups that may be near each other."""
-        process_groups(state, search, contact, memory, candidates, wp.tid(), threads)
-
-    return find_near_leaves
-
-
-@functools.cache
-def pairs_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``find_pairs``."""
-    State = cloth_types(precision).State
-    process_leaves = process_leaves_function(near_test_function(precision), State, ContactSearch, StickMemory)
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
-    def find_pairs(
-        state: State,
-        search: ContactSearch,
-        contact: ContactData,
-        memory: StickMemory,
-        candidates: Candidates,
-        threads: int,
-    ):
-        """Stores the pairs of the listed leaves that are near each other."""
-        process_leaves(state, search, contact, memory, candidates, wp.tid(), threads)
-
-    return find_pairs
+def near_list_kernels(precision: str) -> tuple[wp.Kernel, wp.Kernel]:
+    """Kernels that process the lists: of pairs of groups, and of pairs of leaves, which store what is near."""
+    return (
+        groups_kernel(precision, near_leaves_function(precision), ContactSearch, StickMemory),
+        leaves_kernel(precision, near_test_function(precision), ContactSearch, StickMemory),
+    )

@@ -1,11 +1,13 @@
 """Search for pairs: its geometry, and the refit of two box trees (BVHs), of triangles and of edges."""
 
 import functools
+from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.base.access import position_of
 from warp_cloth.kernels.base.block import block_of, block_threads, lane_of
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import ContactData
 from warp_cloth.kernels.contact.box_tree import (
     EMPTY_BOUND,
@@ -72,14 +74,14 @@ def spans_open_seam(search: ContactSearch, sides: wp.vec3i, a: wp.vec3f, b: wp.v
 @functools.cache
 def open_seams_kernel(precision: str) -> wp.Kernel:
     """Kernel ``count_open_seams``."""
-    State, at = cloth_types(precision).State, place_function(precision)
+    State = cloth_types(precision).State
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def count_open_seams(state: State, search: ContactSearch, count: wp.array(dtype=wp.int32)):
         """Counts the edges that span seams yet to close."""
         edge = wp.tid()
         ends = search.edges[edge]
-        if is_open_seam(search, edge, wp.vec3f(at(state.position, ends[1])) - wp.vec3f(at(state.position, ends[0]))):
+        if is_open_seam(search, edge, wp.vec3f(position_of(state, ends[1])) - wp.vec3f(position_of(state, ends[0]))):
             wp.atomic_add(count, 0, 1)
 
     return count_open_seams
@@ -102,7 +104,7 @@ def least_box_margin(contact: ContactData):
 @functools.cache
 def start_kernel(precision: str, in_order: bool = False) -> wp.Kernel:
     """Kernel ``start_search``; ``in_order`` as in packing.order_functions."""
-    State, at = cloth_types(precision).State, place_function(precision)
+    State = cloth_types(precision).State
     displacement_at = order_functions(precision, packed=False, in_order=in_order).displacement_at
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -116,7 +118,7 @@ def start_kernel(precision: str, in_order: bool = False) -> wp.Kernel:
         if thread == 0:
             contact.trigger.last_search[0] = contact.bounds.iteration[0]
         if thread < contact.trigger.position.shape[0]:
-            position = at(state.position, thread)
+            position = position_of(state, thread)
             moved = wp.vec3d(displacement_at(state, thread))
             contact.trigger.skin[thread] = next_skin(contact, thread, position, moved)
             contact.trigger.position[thread] = position
@@ -127,59 +129,58 @@ def start_kernel(precision: str, in_order: bool = False) -> wp.Kernel:
     return start_search
 
 
-@functools.cache
-def leaf_box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
-    """Functions ``box_triangle`` and ``box_edge``, of a place in the tree."""
-    State, at = cloth_types(precision).State, place_function(precision)
+@wp.func
+def triangle_box(state: Any, search: ContactSearch, contact: ContactData, place: int):
+    """Corners of the box of a triangle, by its place in the tree [m]; across a seam yet to close the box is empty.
 
-    @wp.func
-    def box_triangle(state: State, search: ContactSearch, contact: ContactData, place: int):
-        """Stores a triangle's box. Across a seam yet to close it is empty: it would overlap half the garment."""
-        triangle = search.triangle_tree.leaf[place]
-        lower = wp.vec3f(EMPTY_BOUND, EMPTY_BOUND, EMPTY_BOUND)
-        upper = -lower
-        if triangle >= 0:
-            corners = search.corners[place]
-            sides = search.sides[triangle]
-            a = wp.vec3f(at(state.position, corners[0]))
-            b = wp.vec3f(at(state.position, corners[1]))
-            c = wp.vec3f(at(state.position, corners[2]))
-            if not spans_open_seam(search, sides, a, b, c):
-                skin = wp.max(
-                    contact.trigger.skin[corners[0]],
-                    wp.max(contact.trigger.skin[corners[1]], contact.trigger.skin[corners[2]]),
-                )
-                wide = box_margin(contact, skin)
-                lower = wp.min(wp.min(a, b), c) - wide
-                upper = wp.max(wp.max(a, b), c) + wide
-        store_box(search.triangle_tree, 0, place, lower, upper)
+    It would overlap half the garment.
+    """
+    lower = wp.vec3f(EMPTY_BOUND, EMPTY_BOUND, EMPTY_BOUND)
+    upper = -lower
+    triangle = search.triangle_tree.leaf[place]
+    if triangle >= 0:
+        corners = search.corners[place]
+        sides = search.sides[triangle]
+        a = wp.vec3f(position_of(state, corners[0]))
+        b = wp.vec3f(position_of(state, corners[1]))
+        c = wp.vec3f(position_of(state, corners[2]))
+        if not spans_open_seam(search, sides, a, b, c):
+            skin = wp.max(
+                contact.trigger.skin[corners[0]],
+                wp.max(contact.trigger.skin[corners[1]], contact.trigger.skin[corners[2]]),
+            )
+            wide = box_margin(contact, skin)
+            lower = wp.min(wp.min(a, b), c) - wide
+            upper = wp.max(wp.max(a, b), c) + wide
+    return lower, upper
 
-    @wp.func
-    def box_edge(state: State, search: ContactSearch, contact: ContactData, place: int):
-        """Stores an edge's box; until all seams have closed, the crossing search is for all."""
-        edge = search.edge_tree.leaf[place]
-        lower = wp.vec3f(EMPTY_BOUND, EMPTY_BOUND, EMPTY_BOUND)
-        upper = -lower
-        if edge >= 0:
-            ends = search.ends[place]
-            p = wp.vec3f(at(state.position, ends[0]))
-            q = wp.vec3f(at(state.position, ends[1]))
-            if is_open_seam(search, edge, q - p):
-                search.whole[0] = 1
-            else:
-                wide = box_margin(contact, wp.max(contact.trigger.skin[ends[0]], contact.trigger.skin[ends[1]]))
-                lower = wp.min(p, q) - wide
-                upper = wp.max(p, q) + wide
-        store_box(search.edge_tree, 0, place, lower, upper)
 
-    return box_triangle, box_edge
+@wp.func
+def edge_box(state: Any, search: ContactSearch, contact: ContactData, place: int):
+    """Corners of the box of an edge, by its place in the tree [m], empty where it is a seam yet to close.
+
+    Until all seams have closed, the crossing search is for all.
+    """
+    lower = wp.vec3f(EMPTY_BOUND, EMPTY_BOUND, EMPTY_BOUND)
+    upper = -lower
+    edge = search.edge_tree.leaf[place]
+    if edge >= 0:
+        ends = search.ends[place]
+        p = wp.vec3f(position_of(state, ends[0]))
+        q = wp.vec3f(position_of(state, ends[1]))
+        if is_open_seam(search, edge, q - p):
+            search.whole[0] = 1
+        else:
+            wide = box_margin(contact, wp.max(contact.trigger.skin[ends[0]], contact.trigger.skin[ends[1]]))
+            lower = wp.min(p, q) - wide
+            upper = wp.max(p, q) + wide
+    return lower, upper
 
 
 @functools.cache
 def refit_kernel(precision: str) -> wp.Kernel:
     """Kernel ``refit_trees``."""
     State = cloth_types(precision).State
-    box_triangle, box_edge = leaf_box_functions(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def refit_trees(state: State, search: ContactSearch, contact: ContactData, memory: StickMemory, clear: int):
@@ -195,13 +196,17 @@ def refit_kernel(precision: str) -> wp.Kernel:
         local = int(lane)
         if block < edge_blocks:
             while local < LEAVES:
-                box_edge(state, search, contact, block * LEAVES + local)
+                place = block * LEAVES + local
+                low, high = edge_box(state, search, contact, place)
+                store_box(search.edge_tree, 0, place, low, high)
                 local += block_threads()
             refit_above(search.edge_tree, block, lane)
         else:
             block -= edge_blocks
             while local < LEAVES:
-                box_triangle(state, search, contact, block * LEAVES + local)
+                place = block * LEAVES + local
+                low, high = triangle_box(state, search, contact, place)
+                store_box(search.triangle_tree, 0, place, low, high)
                 local += block_threads()
             refit_above(search.triangle_tree, block, lane)
 
@@ -219,25 +224,18 @@ def refit_top(search: ContactSearch):
         refit_groups(tree, 2, 0, tree.first[3] - tree.first[2], lane_of(thread))
 
 
-@functools.cache
-def vertex_group_box_function(precision: str) -> wp.Function:
-    """Function ``vertex_group_box``."""
-    State, at = cloth_types(precision).State, place_function(precision)
-
-    @wp.func
-    def vertex_group_box(state: State, search: ContactSearch, contact: ContactData, group: int):
-        """Lower and upper corner of the box of a group of vertices with their margins [m], by a team."""
-        low = wp.vec3f(EMPTY_BOUND, EMPTY_BOUND, EMPTY_BOUND)
-        high = -low
-        local = team_lane()
-        while local < WIDTH:
-            vertex = search.vertex[WIDTH * group + local]
-            if vertex >= 0:
-                x = wp.vec3f(at(state.position, vertex))
-                wide = box_margin(contact, contact.trigger.skin[vertex])
-                low = wp.min(low, x - wide)
-                high = wp.max(high, x + wide)
-            local += team_threads()
-        return team_min(low), -team_min(-high)
-
-    return vertex_group_box
+@wp.func
+def vertex_group_box(state: Any, search: ContactSearch, contact: ContactData, group: int):
+    """Lower and upper corner of the box of a group of vertices with their margins [m], by a team."""
+    low = wp.vec3f(EMPTY_BOUND, EMPTY_BOUND, EMPTY_BOUND)
+    high = -low
+    local = team_lane()
+    while local < WIDTH:
+        vertex = search.vertex[WIDTH * group + local]
+        if vertex >= 0:
+            x = wp.vec3f(position_of(state, vertex))
+            wide = box_margin(contact, contact.trigger.skin[vertex])
+            low = wp.min(low, x - wide)
+            high = wp.max(high, x + wide)
+        local += team_threads()
+    return team_min(low), -team_min(-high)

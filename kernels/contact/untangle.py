@@ -1,10 +1,12 @@
 """Untangling: moves cloth that passes through cloth back out, without knowing how it came there."""
 
 import functools
+from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
+from warp_cloth.kernels.base.access import position_of
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import NEVER, ContactData, tagged_path
 from warp_cloth.kernels.contact.broad_phase import Candidates, clear_candidates
 from warp_cloth.kernels.contact.closest_points import NOTHING, WHOLE, nearest_on_triangle
@@ -109,72 +111,57 @@ def clear_tangles(search: ContactSearch, untangling: Untangling, candidates: Can
         untangling.count[vertex] = 0
 
 
-@functools.cache
-def edge_slope_function(precision: str) -> wp.Function:
-    """Function ``edge_slope``."""
-    State, at = cloth_types(precision).State, place_function(precision)
-
-    @wp.func
-    def edge_slope(state: State, ends: wp.vec2i, wings: wp.vec2i, normal: wp.vec3d):
-        """Sum of contour_slope over the triangles at an edge, of length at most one."""
-        start = at(state.position, ends[0])
-        along = wp.normalize(at(state.position, ends[1]) - start)
-        slope = wp.vec3d()
-        for side in range(2):
-            if wings[side] >= 0:
-                slope += contour_slope(along, normal, at(state.position, wings[side]) - start)
-        return slope / wp.sqrt(wp.dot(slope, slope) + WHOLE)
-
-    return edge_slope
+@wp.func
+def edge_slope(state: Any, ends: wp.vec2i, wings: wp.vec2i, normal: wp.vec3d):
+    """Sum of contour_slope over the triangles at an edge, of length at most one."""
+    start = position_of(state, ends[0])
+    along = wp.normalize(position_of(state, ends[1]) - start)
+    slope = wp.vec3d()
+    for side in range(2):
+        if wings[side] >= 0:
+            slope += contour_slope(along, normal, position_of(state, wings[side]) - start)
+    return slope / wp.sqrt(wp.dot(slope, slope) + WHOLE)
 
 
-@functools.cache
-def separate_crossing_function(precision: str) -> wp.Function:
-    """Function ``separate_crossing``."""
-    State, at = cloth_types(precision).State, place_function(precision)
-    edge_slope = edge_slope_function(precision)
-
-    @wp.func
-    def separate_crossing(state: State, search: ContactSearch, untangling: Untangling, edge: int, triangle: int):
-        """Shifts an edge, if it passes through a triangle, and that triangle, so that they cross less."""
-        ends = search.edges[edge]
-        corners = search.triangles[triangle]
-        p = at(state.position, ends[0])
-        q = at(state.position, ends[1])
-        a = at(state.position, corners[0])
-        b = at(state.position, corners[1])
-        c = at(state.position, corners[2])
-        if not segment_pierces(p, q, a, b, c):
-            return
-        wp.atomic_add(untangling.count, 0, 1)
-        before = volume(a, b, c, p)
-        along = before / (before - volume(a, b, c, q))  # where the edge passes the plane, 0 to 1
-        on = nearest_on_triangle(p + (q - p) * along - a, b - a, c - a)
-        normal = wp.normalize(wp.cross(b - a, c - a))
-        crossed = ITSELF
-        slope = wp.vec3d()
-        if untangling.layer[ends[0]] == untangling.layer[corners[0]]:
-            slope = edge_slope(state, ends, untangling.wings[edge], normal) * untangling.longest_shift
-        else:  # the outer one goes outwards
-            crossed = LAYERS
-            slope = normal * (wp.float64(untangling.outward[corners[0]]) * untangling.longest_shift)
-            if untangling.layer[ends[0]] < untangling.layer[corners[0]]:
-                slope = -slope
-        add_shift(untangling.sum, ends[0], slope * (WHOLE - along))
-        add_shift(untangling.sum, ends[1], slope * along)
-        for corner in range(3):
-            add_shift(untangling.sum, corners[corner], -slope * on[corner])
-            wp.atomic_max(untangling.crosses, corners[corner], crossed)
-        wp.atomic_max(untangling.crosses, ends[0], crossed)
-        wp.atomic_max(untangling.crosses, ends[1], crossed)
-
-    return separate_crossing
+@wp.func
+def separate_crossing(state: Any, search: ContactSearch, untangling: Untangling, edge: int, triangle: int):
+    """Shifts an edge, if it passes through a triangle, and that triangle, so that they cross less."""
+    ends = search.edges[edge]
+    corners = search.triangles[triangle]
+    p = position_of(state, ends[0])
+    q = position_of(state, ends[1])
+    a = position_of(state, corners[0])
+    b = position_of(state, corners[1])
+    c = position_of(state, corners[2])
+    if not segment_pierces(p, q, a, b, c):
+        return
+    wp.atomic_add(untangling.count, 0, 1)
+    before = volume(a, b, c, p)
+    along = before / (before - volume(a, b, c, q))  # where the edge passes the plane, 0 to 1
+    on = nearest_on_triangle(p + (q - p) * along - a, b - a, c - a)
+    normal = wp.normalize(wp.cross(b - a, c - a))
+    crossed = ITSELF
+    slope = wp.vec3d()
+    if untangling.layer[ends[0]] == untangling.layer[corners[0]]:
+        slope = edge_slope(state, ends, untangling.wings[edge], normal) * untangling.longest_shift
+    else:  # the outer one goes outwards
+        crossed = LAYERS
+        slope = normal * (wp.float64(untangling.outward[corners[0]]) * untangling.longest_shift)
+        if untangling.layer[ends[0]] < untangling.layer[corners[0]]:
+            slope = -slope
+    add_shift(untangling.sum, ends[0], slope * (WHOLE - along))
+    add_shift(untangling.sum, ends[1], slope * along)
+    for corner in range(3):
+        add_shift(untangling.sum, corners[corner], -slope * on[corner])
+        wp.atomic_max(untangling.crosses, corners[corner], crossed)
+    wp.atomic_max(untangling.crosses, ends[0], crossed)
+    wp.atomic_max(untangling.crosses, ends[1], crossed)
 
 
 @functools.cache
 def layers_kernel(precision: str) -> wp.Kernel:
     """Kernel ``separate_layers``."""
-    State, at = cloth_types(precision).State, place_function(precision)
+    State = cloth_types(precision).State
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def separate_layers(state: State, search: ContactSearch, contact: ContactData, untangling: Untangling):
@@ -183,11 +170,11 @@ def layers_kernel(precision: str) -> wp.Kernel:
         found = untangling.nearest[vertex]
         if found < distance_key(untangling.layer_reach):
             layer = untangling.layer[vertex]
-            x = at(state.position, vertex)
+            x = position_of(state, vertex)
             t = search.triangles[wp.int32(found & TRIANGLE)]
-            a = at(state.position, t[0])
-            ab = at(state.position, t[1]) - a
-            ac = at(state.position, t[2]) - a
+            a = position_of(state, t[0])
+            ab = position_of(state, t[1]) - a
+            ac = position_of(state, t[2]) - a
             on = nearest_on_triangle(x - a, ab, ac)
             inner = NOTHING
             for corner in range(3):
@@ -215,7 +202,7 @@ def layers_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def finish_kernel(precision: str) -> wp.Kernel:
     """Kernel ``finish_shifts``."""
-    State, at = cloth_types(precision).State, place_function(precision)
+    State = cloth_types(precision).State
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def finish_shifts(state: State, search: ContactSearch, contact: ContactData, untangling: Untangling):
@@ -229,14 +216,14 @@ def finish_kernel(precision: str) -> wp.Kernel:
         level = int(0)
         age = int(untangling.age[vertex])
         mean = wp.vec3d()
-        x = at(state.position, vertex)
+        x = position_of(state, vertex)
         first = untangling.adjacent_start[vertex]
         last = untangling.adjacent_start[vertex + 1]
         for row in range(first, last):
             other = untangling.adjacent[row]
             level = wp.max(level, untangling.level[other] - RING)
             age = wp.max(age, untangling.age[other])
-            mean += at(state.position, other) - x
+            mean += position_of(state, other) - x
         if untangling.crosses[vertex] == ITSELF:
             level = wp.max(level, wp.clamp(untangling.level[vertex] + 1, RING, WIDEST))
         search.tangled[vertex] = wp.max(level, untangling.crosses[vertex])

@@ -31,12 +31,12 @@ from wearing import NEVER, Tree, mannequin, shirt
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
+from warp_cloth.kernels.base.access import position_of
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import ContactData
-from warp_cloth.kernels.contact.box_tree import EMPTY_BOUND
 from warp_cloth.kernels.contact.crossing import has_vertex
 from warp_cloth.kernels.contact.pairs import near_test_function
-from warp_cloth.kernels.contact.search import ContactSearch, box_margin, is_open_seam, spans_open_seam
+from warp_cloth.kernels.contact.search import ContactSearch, box_margin, edge_box, triangle_box
 from warp_cloth.kernels.contact.stick_memory import StickMemory, begin_search
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.loop import relax_to_rest
@@ -61,46 +61,24 @@ class Boxes:
 @functools.cache
 def boxes_kernel(precision: str) -> wp.Kernel:
     """Kernel ``update_boxes``."""
-    State, at = cloth_types(precision).State, place_function(precision)
+    State = cloth_types(precision).State
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def update_boxes(state: State, search: ContactSearch, contact: ContactData, memory: StickMemory, boxes: Boxes):
-        """Stores the box of a triangle or an edge, as search.leaf_box_functions does, and empties the pair list."""
+        """Stores the box of a triangle or an edge, as search.refit_kernel does, and empties the pair list."""
         thread = wp.tid()
         if thread == 0:
             contact.pairs.count[0] = 0
             begin_search(memory)
-        lower = wp.vec3f(EMPTY_BOUND, EMPTY_BOUND, EMPTY_BOUND)
-        upper = -lower
         row = thread - boxes.triangle_leaf.shape[0]
         if row < 0:
-            leaf = boxes.triangle_leaf[thread]
-            corners = search.corners[leaf]
-            sides = search.sides[search.triangle_tree.leaf[leaf]]
-            a = wp.vec3f(at(state.position, corners[0]))
-            b = wp.vec3f(at(state.position, corners[1]))
-            c = wp.vec3f(at(state.position, corners[2]))
-            if not spans_open_seam(search, sides, a, b, c):
-                skin = wp.max(
-                    contact.trigger.skin[corners[0]],
-                    wp.max(contact.trigger.skin[corners[1]], contact.trigger.skin[corners[2]]),
-                )
-                wide = box_margin(contact, skin)
-                lower = wp.min(wp.min(a, b), c) - wide
-                upper = wp.max(wp.max(a, b), c) + wide
+            lower, upper = triangle_box(state, search, contact, boxes.triangle_leaf[thread])
             boxes.triangle_lower[thread] = lower
             boxes.triangle_upper[thread] = upper
         else:
-            leaf = boxes.edge_leaf[row]
-            ends = search.ends[leaf]
-            p = wp.vec3f(at(state.position, ends[0]))
-            q = wp.vec3f(at(state.position, ends[1]))
-            if not is_open_seam(search, search.edge_tree.leaf[leaf], q - p):
-                wide = box_margin(contact, wp.max(contact.trigger.skin[ends[0]], contact.trigger.skin[ends[1]]))
-                lower = wp.min(p, q) - wide
-                upper = wp.max(p, q) + wide
-            boxes.edge_lower[row] = lower
-            boxes.edge_upper[row] = upper
+            edge_lower, edge_upper = edge_box(state, search, contact, boxes.edge_leaf[row])
+            boxes.edge_lower[row] = edge_lower
+            boxes.edge_upper[row] = edge_upper
 
     return update_boxes
 
@@ -134,7 +112,7 @@ def near_functions(precision: str) -> tuple[wp.Function, wp.Function]:
 @functools.cache
 def query_kernel(precision: str) -> wp.Kernel:
     """Kernel ``query_bvh``."""
-    State, at = cloth_types(precision).State, place_function(precision)
+    State = cloth_types(precision).State
     test_triangle, test_edge = near_functions(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -159,7 +137,7 @@ def query_kernel(precision: str) -> wp.Kernel:
         else:
             vertex = search.vertex[vertex_row]
             if vertex >= 0:
-                x = wp.vec3f(at(state.position, vertex))
+                x = wp.vec3f(position_of(state, vertex))
                 wide = box_margin(contact, contact.trigger.skin[vertex])
                 query = wp.bvh_query_aabb(triangles, x - wide, x + wide)
                 while wp.bvh_query_next(query, other):
@@ -171,7 +149,7 @@ def query_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def tiled_kernel(precision: str) -> wp.Kernel:
     """Kernel ``query_bvh_tiled``."""
-    State, at = cloth_types(precision).State, place_function(precision)
+    State = cloth_types(precision).State
     test_triangle, test_edge = near_functions(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -196,7 +174,7 @@ def tiled_kernel(precision: str) -> wp.Kernel:
         else:
             vertex = search.vertex[vertex_row]
             if vertex >= 0:
-                x = wp.vec3f(at(state.position, vertex))
+                x = wp.vec3f(position_of(state, vertex))
                 wide = box_margin(contact, contact.trigger.skin[vertex])
                 query = wp.tile_bvh_query_aabb(triangles, x - wide, x + wide)
                 while wp.tile_query_valid(query):

@@ -9,7 +9,7 @@ import warp as wp
 
 from warp_cloth.base.mesh import Indices
 from warp_cloth.kernels.contact.box_tree import LEAVES, WIDTH, BoxTree
-from warp_cloth.kernels.contact.broad_phase import COUNTER_STRIDE, LIST_PARTS, Candidates
+from warp_cloth.kernels.contact.broad_phase import COUNTER_STRIDE, LEAF_LISTS, Candidates
 
 MOST_TOP = 8  # groups of the highest level, which a traversal visits one after another; more get a fourth level
 
@@ -37,7 +37,7 @@ def block_count(tree: Any) -> int:
 def candidate_lists(groups: int, leaves: int) -> Any:
     """Empty lists (kernels.contact.broad_phase Candidates) of these capacities."""
     candidates = Candidates()
-    candidates.count = wp.zeros((1 + int(LIST_PARTS)) * int(COUNTER_STRIDE), dtype=wp.int32)
+    candidates.count = wp.zeros((1 + int(LEAF_LISTS)) * int(COUNTER_STRIDE), dtype=wp.int32)
     candidates.group = wp.empty(groups, dtype=wp.vec3i)
     candidates.leaf = wp.empty(leaves, dtype=wp.vec2i)
     return candidates

@@ -15,9 +15,9 @@ from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.contact.untangling import sheet_untangling
 from warp_cloth.garment.garment import Garment
 from warp_cloth.kernels.contact.box_tree import WIDTH
-from warp_cloth.kernels.contact.broad_phase import LIST_LAUNCH, LIST_PARTS
-from warp_cloth.kernels.contact.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
-from warp_cloth.kernels.contact.pairs import near_groups_kernel, near_leaves_kernel, pairs_kernel
+from warp_cloth.kernels.contact.broad_phase import LEAF_LISTS, LIST_LAUNCH
+from warp_cloth.kernels.contact.crossing_search import crossing_groups_kernel, crossing_list_kernels
+from warp_cloth.kernels.contact.pairs import near_groups_kernel, near_list_kernels
 from warp_cloth.kernels.contact.search import open_seams_kernel, refit_kernel, refit_top, start_kernel
 from warp_cloth.kernels.contact.stick_memory import StickMemory
 from warp_cloth.kernels.contact.untangle import clear_tangles, exclude_tangled, finish_kernel, layers_kernel
@@ -57,12 +57,9 @@ class PairSearch:
         self.side_stream = wp.Stream(self._device) if self._device.is_cuda else None
         self._count_open_seams = open_seams_kernel(precision)
         self._start, self._refit = start_kernel(precision, model.patches is not None), refit_kernel(precision)
-        self._near_groups, self._near_leaves = near_groups_kernel(precision), near_leaves_kernel(precision)
-        self._pairs = pairs_kernel(precision)
-        self._crossing_groups = crossing_groups_kernel(precision)
-        self._crossing_leaves = crossing_leaves_kernel(precision)
-        self._separate_crossings, self._separate_layers = crossings_kernel(precision), layers_kernel(precision)
-        self._finish = finish_kernel(precision)
+        self._near_groups, self._crossing_groups = near_groups_kernel(precision), crossing_groups_kernel(precision)
+        self._near_lists, self._crossing_lists = near_list_kernels(precision), crossing_list_kernels(precision)
+        self._separate_layers, self._finish = layers_kernel(precision), finish_kernel(precision)
 
     def _candidates(self) -> Any:
         """Lists of candidates; of no capacity on the CPU, where one thread does everything in turn."""
@@ -76,7 +73,7 @@ class PairSearch:
         found = [self._count_open_seams, self._start, self._refit, refit_top]  # the last for high trees
         found += [self._near_groups, self._crossing_groups]
         if self.near_candidates.group.size:
-            found += [self._near_leaves, self._pairs, self._crossing_leaves, self._separate_crossings]
+            found += [*self._near_lists, *self._crossing_lists]
         found += [clear_tangles, self._separate_layers, self._finish, exclude_tangled]
         return [*found, *self.leaf_order.kernels()]
 
@@ -136,7 +133,7 @@ class PairSearch:
         geometry = self.geometry
         inputs = [state, geometry, contact, self.memory, self.near_candidates]
         self._launch_teams(self._near_groups, geometry.edge_tree.leaf.size + geometry.vertex.size, inputs)
-        self._launch_lists(self._near_leaves, self._pairs, inputs)
+        self._launch_lists(self._near_lists, inputs)
 
     def find_crossings(self, state: Any, contact: Any, *, layered: bool) -> None:
         """Finds crossings once the trees are refitted; ``layered``: also the nearest other layer of each vertex."""
@@ -146,7 +143,7 @@ class PairSearch:
         leaves += geometry.vertex.size if layered else 0
         inputs = [state, geometry, contact, untangling, candidates]
         self._launch_teams(self._crossing_groups, leaves, inputs)
-        self._launch_lists(self._crossing_leaves, self._separate_crossings, inputs)
+        self._launch_lists(self._crossing_lists, inputs)
 
     def _untangle(self, state: Any, contact: Any, *, layered: bool) -> None:
         """Finds crossings, and the shifts that undo them."""
@@ -161,15 +158,15 @@ class PairSearch:
         threads = leaves if self._device.is_cuda else leaves // int(WIDTH)
         self._launch(kernel, threads, inputs, TRAVERSAL_THREADS)
 
-    def _launch_lists(self, by_group: wp.Kernel, by_leaf: wp.Kernel, inputs: list[Any]) -> None:
-        """Launches the kernels that process the candidate lists, where there are any."""
+    def _launch_lists(self, kernels: tuple[wp.Kernel, wp.Kernel], inputs: list[Any]) -> None:
+        """Launches the kernels that process the candidate lists, of groups and of leaves, where there are any."""
         groups, leaves = self.near_candidates.group.size, self.near_candidates.leaf.size
         if groups:
             threads = min(int(WIDTH) * groups, GROUP_LIST_THREADS)
-            self._launch(by_group, threads, [*inputs, threads])
-            each = int(WIDTH) * int(LIST_PARTS)  # a team for every part
+            self._launch(kernels[0], threads, [*inputs, threads])
+            each = int(WIDTH) * int(LEAF_LISTS)  # a team for every list
             threads = min(-(-leaves // each) * each, LEAF_LIST_THREADS)
-            self._launch(by_leaf, threads, [*inputs, threads])
+            self._launch(kernels[1], threads, [*inputs, threads])
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any], block: int = LIST_LAUNCH[0]) -> None:
         wp.launch(kernel, dim=size, inputs=inputs, device=self._device, block_dim=block)
