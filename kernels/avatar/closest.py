@@ -4,9 +4,9 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-INSIDE_WINDING = wp.constant(wp.float32(0.5))  # half a turn: 1 inside, 0 outside, between them across a hole
+INSIDE_WINDING = wp.constant(wp.float32(0.5))  # half a revolution: 1 inside, 0 outside, between them across a hole
 FARTHEST = wp.constant(wp.float32(1.0e6))  # [m]; across any avatar
-TOUCHING = wp.constant(wp.float32(1.0e-6))  # distance [m] below which float32 yields no direction
+ON_SURFACE = wp.constant(wp.float32(1.0e-6))  # distance [m] below which float32 yields no direction
 
 
 @wp.struct
@@ -24,7 +24,7 @@ def directed_contact(mesh: wp.uint64, q: wp.vec3f, face: int, u: float, v: float
     """Unit normal and signed distance [m] of q from its closest point; on the surface the face's own normal."""
     away = q - wp.mesh_eval_position(mesh, face, u, v)
     distance = wp.length(away)
-    if distance > TOUCHING:
+    if distance > ON_SURFACE:
         normal = sign * away / distance
         return wp.vec4f(normal[0], normal[1], normal[2], sign * distance)
     normal = wp.mesh_eval_face_normal(mesh, face)
@@ -43,7 +43,7 @@ def mesh_contact(collider: MeshCollider, p: wp.vec3d) -> wp.vec4f:
 
     d = +-|p - c| with c the closest point of the mesh, normal = (p - c) / d. A point is inside where the winding
     number is above a half: holes, crossings and inner parts do no harm. A point that is not ``covered`` and whose
-    closest face looks at it is outside: most are, and need no winding number. At reach and beyond, and deeper than
+    closest face faces it is outside: most are, and need no winding number. At reach and beyond, and deeper than
     depth: normal zero, d = reach.
     """
     far = wp.vec4f(0.0, 0.0, 0.0, collider.reach)
@@ -135,12 +135,14 @@ def find_closest(
     mesh: wp.uint64,
     points: wp.array(dtype=wp.vec3f),  # [m], shape [N]
     closest_out: wp.array(dtype=wp.vec3f),  # closest point of the mesh [m], shape [N]
-    face_out: wp.array(dtype=wp.int32),  # its triangle, shape [N]
+    face_out: wp.array(dtype=wp.int32),  # its triangle, shape [N]; -1 where the point is not finite
     weights_out: wp.array(dtype=wp.vec3f),  # its barycentric coordinates there, shape [N]
 ):
-    """Finds the surface nearest to each point."""
+    """Finds the surface nearest to each point, whether inside or outside."""
     point = wp.tid()
     query = wp.mesh_query_point_no_sign(mesh, points[point], FARTHEST)
-    closest_out[point] = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
-    face_out[point] = query.face
-    weights_out[point] = wp.vec3f(query.u, query.v, 1.0 - query.u - query.v)
+    face_out[point] = -1
+    if query.result:
+        closest_out[point] = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
+        face_out[point] = query.face
+        weights_out[point] = wp.vec3f(query.u, query.v, 1.0 - query.u - query.v)

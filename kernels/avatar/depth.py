@@ -28,20 +28,50 @@ def covered(depth: float) -> bool:
     return depth > EMPTY
 
 
+@wp.struct
+class Cell:
+    """Four neighbouring pixels, and where a point lies between them."""
+
+    row: int  # lower of both
+    column: int
+    s: float  # fraction of the way to the next column, 0 to 1
+    t: float  # and to the next row
+
+
 @wp.func
-def cell_position(coordinate: float, pixel: float, count: int) -> wp.vec2f:
-    """Index of the lower pixel of a coordinate's cell, and the fraction beyond it; within the image."""
+def lower_pixel(coordinate: float, pixel: float, count: int) -> wp.vec2f:
+    """Index of the lower pixel around a coordinate [m], and the fraction beyond it; within the image."""
     x = wp.clamp(coordinate / pixel, 0.0, float(count - 1))
     i = wp.min(wp.floor(x), float(wp.max(count - 2, 0)))
     return wp.vec2f(i, x - i)
 
 
 @wp.func
-def bilinear(v00: float, v01: float, v10: float, v11: float, s: float, t: float) -> float:
-    """Bilinear mean of a cell's four values; s runs along columns, t along rows, both in [0, 1]."""
-    low = v00 + s * (v01 - v00)
-    high = v10 + s * (v11 - v10)
-    return low + t * (high - low)
+def image_cell(image: wp.array2d(dtype=wp.float32), pixel: float, x: float, y: float):
+    """The cell of an image around a point; coordinates along columns and rows [m]."""
+    column = lower_pixel(x, pixel, image.shape[1])
+    row = lower_pixel(y, pixel, image.shape[0])
+    cell = Cell()
+    cell.row = int(row[0])
+    cell.column = int(column[0])
+    cell.s = column[1]
+    cell.t = row[1]
+    return cell
+
+
+@wp.func
+def cell_values(image: wp.array2d(dtype=wp.float32), cell: Cell) -> wp.vec4f:
+    """Values of a cell's pixels, row by row."""
+    i, j = cell.column, cell.row
+    return wp.vec4f(image[j, i], image[j, i + 1], image[j + 1, i], image[j + 1, i + 1])
+
+
+@wp.func
+def bilinear(v: wp.vec4f, cell: Cell) -> float:
+    """Bilinear mean of a cell's values at its point."""
+    low = v[0] + cell.s * (v[1] - v[0])
+    high = v[2] + cell.s * (v[3] - v[2])
+    return low + cell.t * (high - low)
 
 
 @wp.func
@@ -50,18 +80,11 @@ def top_height(solid: DepthSolid, x: float, z: float) -> float:
 
     There this view locates the surface to a pixel only; the front and back silhouettes locate it better and decide.
     """
-    c = cell_position(x, solid.pixel, solid.top.shape[1])
-    r = cell_position(z, solid.pixel, solid.top.shape[0])
-    i = int(c[0])
-    j = int(r[0])
-    v00 = solid.top[j, i]
-    v01 = solid.top[j, i + 1]
-    v10 = solid.top[j + 1, i]
-    v11 = solid.top[j + 1, i + 1]
-    high = wp.max(wp.max(v00, v01), wp.max(v10, v11))
-    low = wp.min(wp.min(v00, v01), wp.min(v10, v11))
-    if high - low < JUMP_SLOPE * solid.pixel:
-        return bilinear(v00, v01, v10, v11, c[1], r[1])
+    cell = image_cell(solid.top, solid.pixel, x, z)
+    v = cell_values(solid.top, cell)
+    high = wp.max(v)
+    if high - wp.min(v) < JUMP_SLOPE * solid.pixel:
+        return bilinear(v, cell)
     return high
 
 
@@ -72,31 +95,14 @@ def slab_level(solid: DepthSolid, x: float, y: float, z: float) -> float:
     Away from silhouettes min(front - z, z + back), both bilinear. In a cell that the silhouette crosses the
     half thickness falls to zero as a square root, so its square g is interpolated: g > (z - m)^2 is inside.
     """
-    c = cell_position(x, solid.pixel, solid.front.shape[1])
-    r = cell_position(y, solid.pixel, solid.front.shape[0])
-    i = int(c[0])
-    j = int(r[0])
-    f00 = solid.front[j, i]
-    f01 = solid.front[j, i + 1]
-    f10 = solid.front[j + 1, i]
-    f11 = solid.front[j + 1, i + 1]
-    if covered(wp.min(wp.min(f00, f01), wp.min(f10, f11))):
-        front = bilinear(f00, f01, f10, f11, c[1], r[1])
-        back = bilinear(
-            solid.back[j, i], solid.back[j, i + 1], solid.back[j + 1, i], solid.back[j + 1, i + 1], c[1], r[1]
-        )
-        return wp.min(front - z, z + back)
-    if not covered(wp.max(wp.max(f00, f01), wp.max(f10, f11))):
+    cell = image_cell(solid.front, solid.pixel, x, y)
+    front = cell_values(solid.front, cell)
+    if covered(wp.min(front)):
+        return wp.min(bilinear(front, cell) - z, z + bilinear(cell_values(solid.back, cell), cell))
+    if not covered(wp.max(front)):
         return EMPTY
-    g = bilinear(solid.bulge[j, i], solid.bulge[j, i + 1], solid.bulge[j + 1, i], solid.bulge[j + 1, i + 1], c[1], r[1])
-    m = bilinear(
-        solid.middle[j, i],
-        solid.middle[j, i + 1],
-        solid.middle[j + 1, i],
-        solid.middle[j + 1, i + 1],
-        c[1],
-        r[1],
-    )
+    g = bilinear(cell_values(solid.bulge, cell), cell)
+    m = bilinear(cell_values(solid.middle, cell), cell)
     return wp.sign(g) * wp.sqrt(wp.abs(g)) - wp.abs(z - m)
 
 
@@ -111,26 +117,19 @@ def solid_level(solid: DepthSolid, q: wp.vec3f) -> float:
 
 @wp.func
 def view_plane(depth: wp.array2d(dtype=wp.float32), pixel: float, x: float, y: float, along: float) -> wp.vec4f:
-    """Normal (right, up, toward) and signed distance [m] to the plane that touches a view's surface at (x, y).
+    """Normal (right, up, toward) and signed distance [m] to the plane tangent to a view's surface at (x, y).
 
     Bilinear depth and its slope, in a cell with an empty pixel the nearest pixel's depth and no slope; normal zero
     where that pixel is empty. x, y, along: the point's coordinates in the view [m].
     """
-    c = cell_position(x, pixel, depth.shape[1])
-    r = cell_position(y, pixel, depth.shape[0])
-    i = int(c[0])
-    j = int(r[0])
-    v00 = depth[j, i]
-    v01 = depth[j, i + 1]
-    v10 = depth[j + 1, i]
-    v11 = depth[j + 1, i + 1]
-    if covered(wp.min(wp.min(v00, v01), wp.min(v10, v11))):
-        height = bilinear(v00, v01, v10, v11, c[1], r[1])
-        slope_x = ((1.0 - r[1]) * (v01 - v00) + r[1] * (v11 - v10)) / pixel
-        slope_y = ((1.0 - c[1]) * (v10 - v00) + c[1] * (v11 - v01)) / pixel
+    cell = image_cell(depth, pixel, x, y)
+    v = cell_values(depth, cell)
+    if covered(wp.min(v)):
+        slope_x = ((1.0 - cell.t) * (v[1] - v[0]) + cell.t * (v[3] - v[2])) / pixel
+        slope_y = ((1.0 - cell.s) * (v[2] - v[0]) + cell.s * (v[3] - v[1])) / pixel
         normal = wp.normalize(wp.vec3f(-slope_x, -slope_y, 1.0))
-        return wp.vec4f(normal[0], normal[1], normal[2], (along - height) * normal[2])
-    nearest = depth[j + int(r[1] + 0.5), i + int(c[1] + 0.5)]
+        return wp.vec4f(normal[0], normal[1], normal[2], (along - bilinear(v, cell)) * normal[2])
+    nearest = depth[cell.row + int(cell.t + 0.5), cell.column + int(cell.s + 0.5)]
     if covered(nearest):
         return wp.vec4f(0.0, 0.0, 1.0, along - nearest)
     return wp.vec4f(0.0, 0.0, 0.0, 0.0)
@@ -138,7 +137,7 @@ def view_plane(depth: wp.array2d(dtype=wp.float32), pixel: float, x: float, y: f
 
 @wp.func
 def plain_contact(solid: DepthSolid, p: wp.vec3d) -> wp.vec4f:
-    """The paper's own look-up at a world point p: unit normal and signed distance [m] of the nearest of three planes.
+    """The paper's own query at a world point p: unit normal and signed distance [m] of the nearest of three planes.
 
     Of the planes of the front, back and top view it takes the one least deep under its surface; the result jumps where
     that changes and at silhouettes. Where a view sees nothing, and at reach and beyond: normal zero, d = reach.
@@ -182,6 +181,14 @@ def sample_level(
 
 
 @wp.func
+def shows_surface(depth: wp.array2d(dtype=wp.float32), row: int, column: int) -> bool:
+    """Whether a pixel is in the image and shows a surface."""
+    if row < 0 or column < 0 or row >= depth.shape[0] or column >= depth.shape[1]:
+        return False
+    return covered(depth[row, column])
+
+
+@wp.func
 def extrapolated_slab(
     front: wp.array2d(dtype=wp.float32),
     back: wp.array2d(dtype=wp.float32),
@@ -196,18 +203,14 @@ def extrapolated_slab(
     """
     r = row + dr
     c = column + dc
-    if r < 0 or c < 0 or r >= front.shape[0] or c >= front.shape[1]:
-        return wp.vec3f(0.0, 0.0, 0.0)
-    if not covered(front[r, c]):
+    if not shows_surface(front, r, c):
         return wp.vec3f(0.0, 0.0, 0.0)
     half = 0.5 * (front[r, c] + back[r, c])
     middle = 0.5 * (front[r, c] - back[r, c])
     near = half * half
     r += dr
     c += dc
-    if r < 0 or c < 0 or r >= front.shape[0] or c >= front.shape[1]:
-        return wp.vec3f(1.0, middle, -near)
-    if not covered(front[r, c]):
+    if not shows_surface(front, r, c):
         return wp.vec3f(1.0, middle, -near)
     half = 0.5 * (front[r, c] + back[r, c])
     return wp.vec3f(1.0, middle, wp.min(2.0 * near - half * half, 0.0))

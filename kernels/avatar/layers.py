@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from warp_cloth.kernels.avatar.raster import pixel_weights, sided_cover
+from warp_cloth.kernels.avatar.raster import pixel_box, pixel_weights, sided_cover
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
 
@@ -58,22 +58,22 @@ def draw_layers(
     count_out: wp.array(dtype=wp.int32),  # surfaces over each pixel's centre, shape [rows columns]; start it at 0
     surface_out: wp.array(dtype=wp.vec2f),  # depth [m], +1 facing the viewer or -1; any order within a pixel
 ):
-    """Counts or stores the surfaces that a ray through each pixel's centre meets."""
+    """Counts or stores the surfaces that a ray through each pixel's centre crosses."""
     triangle = wp.tid()
     a = view_coordinates(points[triangles[triangle, 0]], image.axis) / image.pixel
     b = view_coordinates(points[triangles[triangle, 1]], image.axis) / image.pixel
     c = view_coordinates(points[triangles[triangle, 2]], image.axis) / image.pixel
-    low = wp.min(wp.min(a, b), c)
-    high = wp.max(wp.max(a, b), c)
-    for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), image.rows - 1) + 1):
-        for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), image.columns - 1) + 1):
+    shallow, deep = wp.min(wp.min(a[2], b[2]), c[2]), wp.max(wp.max(a[2], b[2]), c[2])
+    box = pixel_box(a, b, c, image.columns, image.rows)
+    for row in range(box[2], box[3]):
+        for column in range(box[0], box[1]):
             side = sided_cover(a, b, c, float(column), float(row))
             if side != 0:
                 place = row * image.columns + column
                 slot = wp.atomic_add(count_out, place, 1)
                 if store:
                     w = pixel_weights(a, b, c, float(column), float(row))
-                    depth = wp.clamp(w[0] * a[2] + w[1] * b[2] + w[2] * c[2], low[2], high[2])
+                    depth = wp.clamp(w[0] * a[2] + w[1] * b[2] + w[2] * c[2], shallow, deep)
                     surface_out[start[place] + slot] = wp.vec2f(depth * image.pixel, float(side))
 
 

@@ -30,6 +30,19 @@ def pixel_position(view: View, p: wp.vec3f) -> wp.vec3f:
 
 
 @wp.func
+def pixel_box(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, columns: int, rows: int) -> wp.vec4i:
+    """First and end of the columns, then of the rows, whose centres a projected triangle may cover."""
+    low = wp.min(wp.min(a, b), c)
+    high = wp.max(wp.max(a, b), c)
+    return wp.vec4i(
+        wp.max(int(wp.ceil(low[0])), 0),
+        wp.min(int(wp.floor(high[0])), columns - 1) + 1,
+        wp.max(int(wp.ceil(low[1])), 0),
+        wp.min(int(wp.floor(high[1])), rows - 1) + 1,
+    )
+
+
+@wp.func
 def barycentric(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, x: float, y: float) -> wp.vec3f:
     """Barycentric coordinates of (x, y) in the projected triangle; all negative where it is degenerate.
 
@@ -97,10 +110,9 @@ def draw_depth(
     a = pixel_position(view, points[triangles[triangle, 0]])
     b = pixel_position(view, points[triangles[triangle, 1]])
     c = pixel_position(view, points[triangles[triangle, 2]])
-    low = wp.min(wp.min(a, b), c)
-    high = wp.max(wp.max(a, b), c)
-    for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), view.rows - 1) + 1):
-        for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1):
+    box = pixel_box(a, b, c, view.columns, view.rows)
+    for row in range(box[2], box[3]):
+        for column in range(box[0], box[1]):
             w = barycentric(a, b, c, float(column), float(row))
             if wp.min(w) >= -COVERAGE_TOLERANCE:
                 wp.atomic_max(depth_out, row, column, w[0] * a[2] + w[1] * b[2] + w[2] * c[2])
@@ -119,10 +131,9 @@ def draw_triangle_ids(
     a = pixel_position(view, points[triangles[triangle, 0]])
     b = pixel_position(view, points[triangles[triangle, 1]])
     c = pixel_position(view, points[triangles[triangle, 2]])
-    low = wp.min(wp.min(a, b), c)
-    high = wp.max(wp.max(a, b), c)
-    for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), view.rows - 1) + 1):
-        for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1):
+    box = pixel_box(a, b, c, view.columns, view.rows)
+    for row in range(box[2], box[3]):
+        for column in range(box[0], box[1]):
             w = barycentric(a, b, c, float(column), float(row))
             if wp.min(w) >= -COVERAGE_TOLERANCE:
                 here = w[0] * a[2] + w[1] * b[2] + w[2] * c[2]

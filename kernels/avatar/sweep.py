@@ -224,7 +224,7 @@ def limit_slopes(
 
 @wp.kernel
 def prefilter_distance(
-    limit: float,  # greatest distance kept outside [m]
+    limit: float,  # greatest distance outside; larger ones are cut to it [m]
     deep: float,  # depth beyond which the distance itself will do [m]
     distance: wp.array3d(dtype=wp.float32),  # signed distance [m], shape [nx, ny, nz]
     coefficient_out: wp.array3d(dtype=wp.float32),  # B-spline coefficients [m], shape [nx, ny, nz]

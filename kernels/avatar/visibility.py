@@ -1,4 +1,4 @@
-"""Visibility: which parts of the avatar's surface a view sees."""
+"""Visibility of points of the avatar's surface from a view, by ray casts."""
 
 import warp as wp
 
@@ -14,7 +14,7 @@ def mark_visible(
     points: wp.array(dtype=wp.vec3f),  # just off the surface [m], shape [N]
     normals: wp.array(dtype=wp.vec3f),  # of the surface, outward, shape [N]
     toward: wp.vec3f,  # unit vector to the viewer
-    seen_out: wp.array(dtype=wp.int32),  # set to 1 where nothing is in the way, shape [N]
+    seen_out: wp.array(dtype=wp.int32),  # set to 1 where nothing occludes it, shape [N]
 ):
     """Marks the points that a view sees, by a ray to the viewer."""
     point = wp.tid()

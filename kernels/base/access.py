@@ -1,6 +1,6 @@
-"""Elements of arrays, without what Warp's own indexing allows for: negative indices, other strides.
+"""Elements of arrays, without the support of Warp's own indexing for negative indices and strides.
 
-That allowance takes more instructions than the arithmetic of what is read. On a GPU vectors of four are read in one go.
+That takes more instructions than the arithmetic on what is read. On a GPU vectors of four are read by one load.
 """
 
 from typing import Any
@@ -29,7 +29,7 @@ for _dtype in _SINGLE + _FOURS:
 
     @wp.func_native(_ALIGNED if _dtype in _FOURS else _ELEMENT)
     def element(array: wp.array(dtype=_dtype), index: int) -> _dtype:
-        """What an array holds."""
+        """An element."""
         return array[index]
 
 
@@ -37,7 +37,7 @@ for _dtype in (wp.float32, wp.float64, wp.vec3f, wp.vec3d, wp.vec4f, wp.vec4d):
 
     @wp.func_native(_PUT_ALIGNED if _dtype in _FOURS else _PUT)
     def put(array: wp.array(dtype=_dtype), index: int, value: _dtype):
-        """Writes what an array is to hold."""
+        """Writes an element."""
         array[index] = value
 
 
@@ -45,7 +45,7 @@ for _dtype in (wp.vec4f, wp.vec4d):
 
     @wp.func_native(_ADD)
     def add_to(array: wp.array(dtype=_dtype), index: int, value: _dtype):
-        """Adds to what an array holds."""
+        """Adds to an element."""
         array[index] += value
 
 

@@ -13,9 +13,9 @@ import warp as wp
 from warp_cloth.kernels.base.options import BLOCK_MEMORY, BLOCK_THREADS
 from warp_cloth.kernels.base.types import cloth_types
 
-WARPS = BLOCK_THREADS // 32  # of threads that go together
-FEW_PER_CORE = 3  # where there are no more at all: threads then keep all in registers
-TOLD_APART = 128  # [bytes] that a core's own cache keeps together
+WARPS = BLOCK_THREADS // 32  # of a block
+FEW_PER_CORE = 3  # blocks, where a launch has no more: each thread then has registers for all its values
+CACHE_LINE = 128  # [bytes]
 OVERFLOW = wp.constant(-2147483648)  # the sign bit
 
 _OWN_MEMORY = """
@@ -63,38 +63,38 @@ _BLOCK_THREADS = """
 #endif
 """
 
-_TELL = """
+_SIGNAL = """
 #if defined(__CUDA_ARCH__)
     __syncthreads();
     if (threadIdx.x == 0)
-        asm volatile("red.release.gpu.global.add.s32 [%0], 1;" :: "l"(told.data) : "memory");
+        asm volatile("red.release.gpu.global.add.s32 [%0], 1;" :: "l"(counters.data) : "memory");
 #endif
 """
 
 _AWAIT = """
-    int came = 0;
+    int arrived = 0;
 #if defined(__CUDA_ARCH__)
-    if (tellers > 0) {
+    if (signalling > 0) {
         if (threadIdx.x == 0) {
             int done;
-            do  // which leaves the core's cache to others
-                asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(done) : "l"(told.data) : "memory");
-            while (done < tellers);
+            do  // past the core's own cache
+                asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(done) : "l"(counters.data) : "memory");
+            while (done < signalling);
         }
         __syncthreads();
-        if (threadIdx.x == blockDim.x - 1)  // whose answer nobody waits for here
+        if (threadIdx.x == blockDim.x - 1)  // nobody waits here for its result
             asm volatile("atom.relaxed.gpu.global.add.s32 %0, [%1], 1;"
-                : "=r"(came) : "l"(told.data + 1) : "memory");
+                : "=r"(arrived) : "l"(counters.data + 1) : "memory");
     }
 #endif
-    return came;
+    return arrived;
 """
 
 _LEAVE = """
 #if defined(__CUDA_ARCH__)
-    if (tellers > 0 && threadIdx.x == blockDim.x - 1 && came == waiting - 1) {
-        told.data[0] = 0;
-        told.data[1] = 0;
+    if (signalling > 0 && threadIdx.x == blockDim.x - 1 && arrived == waiting - 1) {
+        counters.data[0] = 0;
+        counters.data[1] = 0;
     }
 #endif
 """
@@ -105,24 +105,24 @@ _PLACE = """
 #else
     void* at_%(place)s = overflow.data + (%(place)s & 2147483647);
 #endif
-    auto* held_%(place)s = reinterpret_cast<%(type)s*>(__builtin_assume_aligned(at_%(place)s, %(alignment)d));
+    auto* value_at_%(place)s = reinterpret_cast<%(type)s*>(__builtin_assume_aligned(at_%(place)s, %(alignment)d));
 """
 _MAY_OVERFLOW = "%(place)s < 0 ? (void*)(overflow.data + (%(place)s & 2147483647)) : "
 
 
-def _found(place: str, type: str, alignment: int, fits: bool) -> str:
-    """C++ that finds what is held at a place."""
+def _locate(place: str, type: str, alignment: int, fits: bool) -> str:
+    """C++ of a pointer to the value at a place: ``value_at_`` and the place's name."""
     overflow = "" if fits else _MAY_OVERFLOW % {"place": place}
     return _PLACE % {"place": place, "type": type, "alignment": alignment, "overflow": overflow}
 
 
 @functools.cache
 def own_memory_function(size: int) -> wp.Function:
-    """The function that tells where the block's own memory of so many bytes starts."""
+    """Function ``own_memory``; ``size``: of that memory [bytes]."""
 
     @wp.func_native(_OWN_MEMORY % size)
     def own_memory() -> int:
-        """Place where the block's own memory starts."""
+        """Place where the block's shared memory starts."""
         ...
 
     return own_memory
@@ -133,13 +133,13 @@ own_memory = own_memory_function(BLOCK_MEMORY)
 
 @wp.func_native(_WAIT)
 def wait_for_block():
-    """Until all threads of the block have come here."""
+    """Barrier: waits until all threads of the block have arrived."""
     ...
 
 
 @wp.func_native(_NO_EARLIER)
 def load_no_earlier():
-    """What is read after this a compiler does not ask for before: what comes before needs the registers."""
+    """Compiler barrier: no later load moves before it, where its value would occupy registers."""
     ...
 
 
@@ -157,14 +157,14 @@ def lane_of(thread: int) -> int:
 
 @functools.cache
 def threads_function(threads: int) -> wp.Function:
-    """The function that tells how many threads a block has; ``threads``: 0, or as many, told when it is compiled.
+    """Function ``block_threads``; ``threads``: their number, known at compile time, or 0: read on the device.
 
-    Threads that are told go through more of a large patch at a time. In small patches that only makes kernels longer.
+    With a known number threads load more of a large patch at a time. In small patches that only makes kernels longer.
     """
 
     @wp.func_native(_BLOCK_THREADS % (threads or "(int)blockDim.x"))
     def block_threads() -> int:
-        """How many threads a block has: more than the patch that it works on owns vertices, on a GPU."""
+        """Threads of a block; on a GPU more than a patch owns vertices."""
         ...
 
     return block_threads
@@ -173,26 +173,27 @@ def threads_function(threads: int) -> wp.Function:
 block_threads = threads_function(0)
 
 
-@wp.func_native(_TELL)
-def signal_done(told: wp.array(dtype=wp.int32)):
-    """Tells that all that the block's threads have written may be read; ``told`` as of ``await_blocks``."""
+@wp.func_native(_SIGNAL)
+def signal_done(counters: wp.array(dtype=wp.int32)):
+    """Signals that all that the block's threads have written may be read; ``counters`` as in ``await_blocks``."""
     ...
 
 
 @wp.func_native(_AWAIT)
-def await_blocks(told: wp.array(dtype=wp.int32), tellers: int) -> int:
-    """Until so many blocks have told; what ``leave_blocks`` is to know.
+def await_blocks(counters: wp.array(dtype=wp.int32), signalling: int) -> int:
+    """Waits until so many blocks have signalled; returns how many waiting blocks arrived before, for ``leave_blocks``.
 
-    A GPU begins blocks in the order of their numbers: tellers, who wait for none, must be the first. ``told`` holds two
-    zeros before. What they have written may be read where nobody has read any of its TOLD_APART bytes before in the
-    launch: of all else a core's own cache may still hold what was, and to empty that takes as long as to ask memory.
+    A GPU starts blocks in the order of their numbers: those that signal wait for none, and must be the first.
+    ``counters`` starts as two zeros. What other blocks have written may be read only from cache lines that nobody has
+    read before in the launch: of others a core's own cache may hold old values, and to invalidate it takes as long as
+    to load from memory.
     """
     ...
 
 
 @wp.func_native(_LEAVE)
-def leave_blocks(told: wp.array(dtype=wp.int32), tellers: int, waiting: int, came: int):
-    """Of as many blocks as are ``waiting``, each of which has awaited ``tellers``, the last leaves ``told`` at zero."""
+def leave_blocks(counters: wp.array(dtype=wp.int32), signalling: int, waiting: int, arrived: int):
+    """Of ``waiting`` blocks, each of which has called ``await_blocks``, the last resets ``counters`` to zero."""
     ...
 
 
@@ -206,7 +207,7 @@ _FETCH = """
         asm volatile("cp.async.bulk.prefetch.L2.global [%0], %1;" :: "l"(start - skew), "r"(size + skew + 15 & -16));
     }
 #else
-    if (threadIdx.x >> 5 == turn % (blockDim.x >> 5))
+    if (threadIdx.x >> 5 == warp % (blockDim.x >> 5))
 #pragma unroll 1
         for (int at = 128 * (threadIdx.x & 31); at < size; at += 128 * 32)
             asm volatile("prefetch.global.L2 [%0];" :: "l"(start + at));
@@ -216,7 +217,7 @@ _FETCH = """
 
 _FETCHES = """
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
-    return threadIdx.x == blockDim.x - 32 * (turn + 1);
+    return threadIdx.x == blockDim.x - 32 * (warp + 1);
 #else
     return true;
 #endif
@@ -224,24 +225,24 @@ _FETCHES = """
 
 
 @wp.func_native(_FETCHES)
-def fetches(turn: int) -> bool:
-    """Whether a thread has to ``fetch_ahead``: of one of a block's warps, where memory brings all at once, only one."""
+def fetches(warp: int) -> bool:
+    """Whether a thread must call ``fetch_ahead``: one of a warp, where one instruction prefetches all."""
     ...
 
 
 for _dtype in (wp.int32, wp.uint64, wp.float32, wp.float64, wp.vec4f, wp.vec4d, wp.vec4i):
 
     @wp.func_native(_FETCH)
-    def fetch_ahead(array: wp.array(dtype=_dtype), first: int, count: int, turn: int):
-        """Has one of the block's WARPS bring so many elements nearer: who reads them later waits less long."""
+    def fetch_ahead(array: wp.array(dtype=_dtype), first: int, count: int, warp: int):
+        """Prefetches elements into the L2 cache, by one of the block's WARPS."""
         ...
 
 
 @functools.cache
 def memory_functions(precision: str, fits: bool) -> SimpleNamespace:
-    """Functions ``read_4``, ``read_3``, ``read_2``, ``read_point`` and as many that write.
+    """Functions ``read_4``, ``read_3``, ``read_2``, ``read_point`` and ``write_4`` to ``write_point``.
 
-    A point's first two coordinates are in one place, the third is in another.
+    A point's first two coordinates are at one place, the third is at another.
 
     ``fits``: whether no patch is too large for a block's own memory.
     """
@@ -264,16 +265,16 @@ def memory_functions(precision: str, fits: bool) -> SimpleNamespace:
 
 
 def _accessors(dtype: Any, name: str, alignment: int, fits: bool) -> tuple[wp.Function, wp.Function]:
-    find = _found("place", name, alignment, fits)
+    find = _locate("place", name, alignment, fits)
 
-    @wp.func_native(find + "    return *held_place;")
+    @wp.func_native(find + "    return *value_at_place;")
     def read(overflow: wp.array(dtype=wp.uint8), place: int) -> dtype:
-        """What is kept at a place."""
+        """The value at a place."""
         ...
 
-    @wp.func_native(find + "    *held_place = value;")
+    @wp.func_native(find + "    *value_at_place = value;")
     def write(overflow: wp.array(dtype=wp.uint8), place: int, value: dtype):
-        """Keeps it at a place."""
+        """Writes the value at a place."""
         ...
 
     return read, write
@@ -281,16 +282,16 @@ def _accessors(dtype: Any, name: str, alignment: int, fits: bool) -> tuple[wp.Fu
 
 def _point_accessors(dtype: Any, real: str, fits: bool) -> tuple[wp.Function, wp.Function]:
     size = 4 if real == "wp::float32" else 8
-    find = _found("place", f"wp::vec_t<2, {real}>", 2 * size, fits) + _found("third", real, size, fits)
+    find = _locate("place", f"wp::vec_t<2, {real}>", 2 * size, fits) + _locate("third", real, size, fits)
 
-    @wp.func_native(find + "    const auto pair = *held_place;\n    return {pair[0], pair[1], *held_third};")
+    @wp.func_native(find + "    const auto pair = *value_at_place;\n    return {pair[0], pair[1], *value_at_third};")
     def read(overflow: wp.array(dtype=wp.uint8), place: int, third: int) -> dtype:
-        """The point that is kept at two places."""
+        """The point at two places."""
         ...
 
-    @wp.func_native(find + "    *held_place = {value[0], value[1]};\n    *held_third = value[2];")
+    @wp.func_native(find + "    *value_at_place = {value[0], value[1]};\n    *value_at_third = value[2];")
     def write(overflow: wp.array(dtype=wp.uint8), place: int, third: int, value: dtype):
-        """Keeps it there."""
+        """Writes the point at two places."""
         ...
 
     return read, write

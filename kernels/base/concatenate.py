@@ -1,4 +1,4 @@
-"""Puts pieces of an array end to end, some of them several times, where the array is."""
+"""Concatenation of pieces of an array on its device, some of them several times."""
 
 import warp as wp
 
@@ -7,20 +7,17 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.kernel
 def join_pieces(
-    words: wp.array(dtype=wp.int32),
-    pieces: wp.array(dtype=wp.vec4i),
-    turns: wp.int32,
+    values: wp.array(dtype=wp.int32),  # four bytes each, whatever they hold
+    pieces: wp.array(dtype=wp.vec4i),  # start in joined_out, start in values, length, increment
+    indices: wp.int32,  # 1: the increment is subtracted from negative values, which are -1 - index
     joined_out: wp.array(dtype=wp.int32),
 ):
-    """Copies words of four bytes; of each piece where it begins in both, how many they are, and what is added to them.
-
-    With ``turns``, what is added to numbers is taken away from negative ones.
-    """
-    piece, word = wp.tid()
+    """Copies pieces of an array, and adds each piece's increment to its values."""
+    piece, at = wp.tid()
     begin = pieces[piece]
-    if word < begin[2]:
-        value = words[begin[1] + word]
-        start = begin[3]
-        if turns != 0 and value < 0:
-            start = -start
-        joined_out[begin[0] + word] = value + start
+    if at < begin[2]:
+        value = values[begin[1] + at]
+        increment = begin[3]
+        if indices != 0 and value < 0:
+            increment = -increment
+        joined_out[begin[0] + at] = value + increment

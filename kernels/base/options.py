@@ -1,53 +1,56 @@
-"""What the host plans patches by, and what acts in a cloth; needs no Warp, which processes that only load lack."""
+"""Thread blocks, the bit layout of packed triangle pairs, and the options that kernels are compiled for.
+
+Imports no Warp: processes that only load files have none.
+"""
 
 import enum
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-BLOCK_MEMORY = 36 * 1024  # [bytes] of a thread block; a core of a large GPU has room for six such blocks
+BLOCK_MEMORY = 36 * 1024  # [bytes] of a thread block; six such blocks fit a multiprocessor of a large GPU
 BLOCK_THREADS = 192  # that work on a patch
-BLOCKS_PER_CORE = 5  # that its registers are to suffice for: each fetches while others work
-WORN_THREADS = 160  # where an avatar is looked up: that takes registers, of which a core then has for as many blocks
-FEW = 264  # blocks, that a large GPU's cores work on by twos
+BLOCKS_PER_CORE = 5  # that must fit its registers: some load while others compute
+WORN_THREADS = 160  # where the avatar is queried: that takes registers, and as many blocks still fit a core
+FEW = 264  # blocks: two for each core of a large GPU
 SLOTS = 3  # edges that a thread takes at most with its two triangles
-# What threads are told of triangles a, b, c and b, a, d, and of an edge that none takes with its triangles: numbers of
-# so many bits, one after another, and what else from a certain bit on.
+# Layout of the words that describe triangles a, b, c and b, a, d to a thread, or an edge that no thread takes with its
+# triangles: numbers of NUMBER_BITS, one after another, and other fields from a certain bit on.
 NUMBER_BITS = 10
-WORD_CODE, CODE_BITS = 44, 5  # of the first word: how each of the edges lies that are taken besides the shared one
+WORD_CODE, CODE_BITS = 44, 5  # of the first word: which side each edge is that is taken in addition to the shared one
 WORD_REVERSED, REVERSED_BITS = 40, 3  # of the second word: whose torque is negated, of each triangle's sides
 WORD_BEGIN, BEGIN_BITS = 46, 2  # and at which corner the mesh begins each triangle
 WORD_ACROSS = 54  # of both: the triangle across one of those edges
-WORD_LAW = 40  # of an edge that no thread takes: how it pulls and bends
+WORD_LAW = 40  # of an edge that no thread takes: number of its law
 SIDE_BC, SIDE_CA, SIDE_AD, SIDE_DB, SIDE_AB = 1, 2, 3, 4, 5  # which side an edge is; 0: there is no edge
 CODE_BACK, CODE_AFTER = 8, 16  # it runs against its triangle's winding; that is the hinge's second one
-RANKS = 8  # of what meets at a vertex that share a word
+RANKS = 8  # edges or triangles at a vertex that one vec4i packs
 
 
 class Block(NamedTuple):
-    """A thread block that works on a patch of many, on a large GPU."""
+    """A thread block that computes a patch, on a large GPU."""
 
     threads: int
     memory: int  # [bytes]
-    per_core: int  # that its memory and registers are to suffice for: each fetches while others work
+    per_core: int  # blocks that must fit its memory and registers: some load while others compute
     vertices: int  # that a patch owns at most: with what is around them they nearly always fit the memory
 
 
 SINGLE = Block(BLOCK_THREADS, BLOCK_MEMORY, BLOCKS_PER_CORE, 152)
-PAIRS = Block(256, 47 * 1024, 4, 200)  # where threads work on pairs of triangles: less of what they do lies around
+PAIRS = Block(256, 47 * 1024, 4, 200)  # a thread for a pair of triangles: less of the work is at borders
 
 
 def block_for(paired: bool) -> Block:
-    """The block for patches whose threads work on pairs of triangles, or on single ones."""
+    """The block for patches whose threads compute pairs of triangles, or single ones."""
     return PAIRS if paired else SINGLE
 
 
 class Accumulate(enum.Enum):
-    """What the fourth component of a load sums beside the force: at a vertex, an edge's end or a triangle's corner."""
+    """What the fourth component of a load sums besides the force: at a vertex, an edge's end or a triangle's corner."""
 
     NONE = "none"
     STIFFNESS = "stiffness"  # a bound [N/m], for the accelerated step
-    ANISOTROPIC_STIFFNESS = "anisotropic stiffness"  # the same for a step that may go further across yarns
-    MAGNITUDE = "magnitude"  # of the forces that meet there [N], for the certificate
+    ANISOTROPIC_STIFFNESS = "anisotropic stiffness"  # the same for a step that may be longer across yarns
+    MAGNITUDE = "magnitude"  # of the forces that act there [N], for the certificate
 
     @property
     def is_bound(self) -> bool:
@@ -78,13 +81,13 @@ class KernelOptions:
     accelerated: each vertex has a step of its own and momentum; else the paper's rule.
     avatar_contact: (collider, world position) -> (normal, distance [m]); None: there is no avatar.
     collider: the struct that it reads, one for each item.
-    cloth_contact: whether cloth meets cloth.
+    cloth_contact: whether cloth collides with cloth.
     fits: whether no patch is too large for a block's own memory and threads.
     few: whether there are no more patches than FEW.
     paired: whether a thread works on a pair of triangles at a time.
     in_order: whether vertices lie in the patches' order.
     packed: whether positions and compliance are packed (kernels.patches.packing).
-    block_threads: threads of a block, where that is known when it is compiled; 0: it is asked of the device.
+    block_threads: threads of a block, where that is known at compile time; 0: read on the device.
     """
 
     precision: str
@@ -111,7 +114,7 @@ class KernelOptions:
 
 
 def real_size(precision: str) -> int:
-    """Bytes of a number that is no position."""
+    """Bytes of ``real``, the type of everything but positions."""
     return 8 if precision == "float64" else 4
 
 
@@ -121,5 +124,5 @@ def point_size(precision: str) -> int:
 
 
 def fold_numbers(terms: Terms) -> int:
-    """How many numbers of an edge's hinge its triangles are told: those with yarns know L^2 themselves."""
+    """How many numbers its triangles need of an edge's hinge: those with yarns compute L^2 themselves."""
     return 2 if terms.yarns else 3

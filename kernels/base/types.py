@@ -26,31 +26,31 @@ def takes_exact_stretch(precision: str, accumulate: Accumulate) -> bool:
 
 @wp.struct
 class Patch:
-    """Where a patch has its parts, and how many. Arrays have four vec4i of it."""
+    """Where a patch's data begin in the arrays, and how many there are; stored as four vec4i."""
 
     vertex_start: int
     vertex_count: int
     owned_count: int  # of its vertices
-    item: int  # that it is of
+    item: int  # that it belongs to
     edge_start: int
     edge_count: int
     law_start: int
-    law_count: int  # of its edges' laws, where threads work on pairs of triangles: each counts once
+    law_count: int  # of its edges' laws, each once, where threads compute pairs of triangles
     triangle_start: int
     triangle_count: int  # those at its vertices, which come first
     normal_count: int  # and those beyond its edges
     slot_start: int
     ranks: int  # edges or triangles at a vertex, at most
-    overflow: int  # where its memory is if a block's own is too small; else -1
-    place: int  # of its first own vertex where vertices are in the patches' order
-    item_count: int  # pairs of triangles and single ones that threads work on (patches.triangle_pairs); where it bends
+    overflow: int  # where its overflow memory starts if shared memory is too small; else -1
+    place: int  # of its first owned vertex, where vertices are in the patches' order
+    item_count: int  # pairs of triangles and single ones, one for each thread (patches.triangle_pairs); where it bends
 
 
 @functools.cache
 def cloth_types(precision: str) -> SimpleNamespace:
     """Types and structs of one precision: ``real``, ``point`` (of positions), ``vec3``, ``Model``, ``State`` and more.
 
-    ``wide`` is what a coordinate of a position is kept in.
+    ``wide`` is the type of a position's coordinate.
     ``vec6`` is xx, yy, zz, xy, xz, yz of a symmetric matrix.
 
     "mixed" keeps positions in float64, takes their differences there and computes everything else in float32: near
@@ -66,32 +66,32 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
     @wp.struct
     class Step:
-        """What one iteration needs besides the garments; the same for all items."""
+        """Parameters of an iteration, the same for all items."""
 
         gravity: vec3  # unit vector
-        reach: real  # change of length that the step allows for, as a share of the vertex's own last move
-        momentum: real  # share of the last displacement that is kept
+        reach: real  # change of length that the step allows for, as a fraction of the vertex's own last displacement
+        momentum: real  # fraction of the last displacement that is repeated
         momentum_loose: real  # the same for worn cloth that is loose, whose displacements nothing else damps
-        damping: real  # that share's factor where the displacement points against the force
-        viscosity: real  # share of an edge's stiffness that resists its ends' moving apart
-        buckling: real  # share of that which acts across an edge that is shorter than at rest; worn cloth only
-        memory: real  # share of a vertex's stiffness bound that is kept from one iteration to the next
+        damping: real  # factor on momentum where the displacement points against the force
+        viscosity: real  # fraction of an edge's stiffness that resists its ends' moving apart
+        buckling: real  # fraction of that which acts across an edge that is shorter than at rest; worn cloth only
+        memory: real  # fraction of a vertex's stiffness bound that is carried over from one iteration to the next
         memory_falling: real  # the same for worn cloth that is not loose yet
         horizon: real  # how many last displacements ahead a compliance allows for
 
     @wp.struct
     class Item:
-        """What one fit of a batch has of its own; a single fit is a batch of one."""
+        """Parameters of one fit of a batch; a single fit is a batch of one."""
 
         cap: real  # largest displacement in an iteration [m]
         offset: float  # contact offset [m]
         avatar_friction: float  # Coulomb coefficient of avatar.friction
         anisotropy_limit: real  # how many times the bound's step a step may be at most where cloth is soft; 0: once
-        active: int  # 0: at rest, or given up; its vertices stay and cost nothing
+        active: int  # 0: at rest, or stopped; its vertices stay and cost nothing
 
     @wp.struct
     class Model:
-        """What is constant of the vertices of all garments of all items, one after another; V vertices."""
+        """Constants of the vertices of all garments of all items, concatenated; V vertices."""
 
         weight: wp.array(dtype=real)  # [N]
         pinned: wp.array(dtype=wp.uint8)  # where any is
@@ -112,10 +112,10 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
     @wp.struct
     class Vertex:
-        """A vertex as an iteration finds it; units as of State."""
+        """A vertex before a step; units as in State."""
 
         index: int
-        item_index: int  # of the item that it belongs to
+        item_index: int
         item: Item
         free: bool  # whether it may move
         position: point
@@ -140,13 +140,13 @@ def cloth_types(precision: str) -> SimpleNamespace:
         """F triangles; arrays of the terms that the scene has."""
 
         corners: wp.array(dtype=wp.vec3i)
-        edges: wp.array(dtype=wp.vec3i)  # opposite to each corner; -1 - edge where its turn counts the other way round
+        edges: wp.array(dtype=wp.vec3i)  # opposite to each corner; -1 - edge where its torque is negated
         slope: wp.array(dtype=vec4)  # as Weave.slope; zero where there are no yarns
         yarns: wp.array(dtype=vec4)  # as Weave.law
 
     @wp.struct
     class Rows:
-        """What meets at each vertex: row v of ``edge`` and of ``triangle`` goes from start[v] to start[v + 1]."""
+        """Edges and triangles at each vertex: row v of ``edge``, ``triangle`` goes from start[v] to start[v + 1]."""
 
         edge_start: wp.array(dtype=wp.int32)
         edge: wp.array(dtype=wp.int32)
@@ -171,34 +171,34 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
     @wp.struct
     class Span:
-        """An edge as it lies."""
+        """An edge in the present positions."""
 
         side: vec3  # from its first end to its second [m]
         length: real  # [m], and never 0
         inverse: real  # of that
-        change: vec3  # what the last displacements changed that by [m]
-        move: real  # the first end's last displacement [m]
-        exact: point  # the side in the positions' own precision, where that is asked for
+        change: vec3  # of the side by the last displacements [m]
+        move: real  # length of the first end's last displacement [m]
+        exact: point  # the side in the positions' own precision, where forces need it
 
     @wp.struct
     class Sides:
-        """A triangle's sides as they leave its first corner [m]."""
+        """A triangle's sides from its first corner [m]."""
 
         side_1: vec3
         side_2: vec3
-        side_0: vec3  # from the second corner to the third, where hinges ask for it
-        change_1: vec3  # what the last displacements changed them by [m]
+        side_0: vec3  # from the second corner to the third, where hinges need it
+        change_1: vec3  # of the sides by the last displacements [m]
         change_2: vec3
-        exact_1: point  # as of Span
+        exact_1: point  # as in Span
         exact_2: point
 
     @wp.struct
     class Patches:
-        """The cloth cut into patches, for a kernel per patch. A patch counts its own vertices, edges, triangles.
+        """The cloth cut into patches, a block each. Indices are local to a patch: its own vertices, edges, triangles.
 
-        Words pack four numbers below 65536, or eight. What a vertex sums lies word by word: its first eight edges and
-        all its neighbours' first ones, then the next ones; where it has no more, what counts nothing. Where
-        threads work on pairs of triangles ``ends`` and ``law`` are as warp_cloth.model.patches.triangle_pairs says.
+        A uint64 packs four of them, a vec4i eight. The slots that a vertex sums are interleaved: the first eight of
+        each vertex, then the next eight; padded with slots that hold zero. Where a thread computes a pair of triangles
+        ``ends`` and ``law`` are as in warp_cloth.model.patches.triangle_pairs.
         """
 
         patch: wp.array(dtype=wp.vec4i)  # as Patch
@@ -208,12 +208,12 @@ def cloth_types(precision: str) -> SimpleNamespace:
         hinge_stiffness: wp.array(dtype=real)  # as Edges.hinge_stiffness, where there are folds only
         rest: wp.array(dtype=vec2)  # as Edges.rest
         corners: wp.array(dtype=wp.uint64)  # of a triangle
-        sides: wp.array(dtype=wp.uint64)  # its edges, opposite to the corners; bits: whose turn counts the other way
+        sides: wp.array(dtype=wp.uint64)  # its edges, opposite to the corners; bits: whose torque is negated
         slope: wp.array(dtype=vec4)  # as Triangles.slope
         yarns: wp.array(dtype=vec4)
         edge_slot: wp.array(dtype=wp.vec4i)  # twice the edge, and 1 where the vertex is its second end
         slot: wp.array(dtype=wp.vec4i)  # the triangle; after all normals come second corners, then third ones
-        ahead: int  # how many patches a GPU works on at a time
+        ahead: int  # how many patches a GPU computes at a time
 
     return SimpleNamespace(
         name=precision, real=real, wide=wide, point=point, vec2=vec2, vec3=vec3, vec4=vec4, vec6=vec6,
@@ -225,12 +225,12 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
 @functools.cache
 def rest_function(precision: str) -> wp.Function:
-    """The function that tells whether a vertex is of an item that no longer iterates."""
+    """Function ``rests``."""
     Model = cloth_types(precision).Model
 
     @wp.func
     def rests(model: Model, vertex: int):
-        """Whether the item of a vertex is at rest, or given up."""
+        """Whether the item of a vertex no longer iterates."""
         return model.items[element(model.item, vertex)].active == 0
 
     return rests
@@ -238,7 +238,7 @@ def rest_function(precision: str) -> wp.Function:
 
 @functools.cache
 def free_function(precision: str, pins: bool) -> wp.Function:
-    """The function that tells whether a vertex may move: where nothing is pinned, without a look."""
+    """Function of model and vertex: whether it may move. Without ``pins`` it loads nothing."""
     Model = cloth_types(precision).Model
 
     @wp.func
@@ -256,13 +256,13 @@ def free_function(precision: str, pins: bool) -> wp.Function:
 
 @functools.cache
 def difference_function(precision: str) -> wp.Function:
-    """The function that subtracts two positions, exact in their own type, and returns the types' ``vec3``."""
+    """Function ``difference``."""
     types = cloth_types(precision)
     point, real, vec3 = types.point, types.real, types.vec3
 
     @wp.func
     def difference(a: point, b: point):
-        """a - b [m], subtracted in the positions' own precision."""
+        """a - b [m], subtracted in the positions' own precision, then rounded to ``vec3``."""
         d = a - b
         return vec3(real(d[0]), real(d[1]), real(d[2]))
 
@@ -271,7 +271,7 @@ def difference_function(precision: str) -> wp.Function:
 
 @functools.cache
 def hinge_sides_function(precision: str) -> wp.Function:
-    """The function that reads a hinge where its cloth is."""
+    """Function ``hinge_sides``."""
     types, difference = cloth_types(precision), difference_function(precision)
     point = types.point
 

@@ -17,7 +17,7 @@ def reaction_function(precision: str, avatar_contact: wp.Function, collider_type
 
     @wp.func
     def react_to_step(force: vec3, displacement: vec3, distance: wp.vec4f, item: Item):
-        """Residual and normal force [N] of a vertex that ``displacement`` takes into the offset (see ``react``)."""
+        """Residual and normal force [N] of a vertex whose ``displacement`` enters the offset (see ``react``)."""
         push = item.offset - distance[3]
         normal = vec3(real(distance[0]), real(distance[1]), real(distance[2]))
         raised = wp.min(real(push), item.cap)
@@ -33,8 +33,8 @@ def reaction_function(precision: str, avatar_contact: wp.Function, collider_type
         max(-F . n, 0) and friction up to its cone. One that stands higher takes the force's own next step s, without
         momentum: s = F / stiffness, capped, then pushed out of the offset and slowed by friction as in an iteration.
         The residual is |F| |s after contact| / |s|: all of F where s does not reach the offset, nothing where the step
-        ends where it began. So a taut seam is held that every step presses in by millimetres, and that comes out a
-        little too high where the field's gradient is above 1; what hovers and would fall counts by how far it falls.
+        ends where it began. So a taut seam that every step presses in by millimetres counts as at rest, with a residual
+        a little too high where the field's gradient is above 1; what hovers and would fall counts by how far it falls.
         """
         item = model.items[model.item[vertex]]
         distance = avatar_contact(collider, wp.vec3d(state.position[vertex]))

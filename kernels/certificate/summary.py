@@ -1,6 +1,7 @@
 """Figures of each item of a batch by ordered sums: over chunks of its vertices, then over groups of chunks."""
 
 import functools
+from typing import Any
 
 import warp as wp
 
@@ -25,14 +26,14 @@ def shapes_type(precision: str) -> type:
 
     @wp.struct
     class Shapes:
-        """Earlier shapes, and what of the present one is summed."""
+        """Earlier shapes, and which vertices and items of the present one are summed."""
 
         last: wp.array(dtype=point)  # at the last measurement [m], shape [V]
         before: wp.array(dtype=point)  # at the one before
         earlier: wp.array(dtype=point)  # at the one before that
         lower_half: wp.array(dtype=wp.uint8)  # 1: of its item's lower half, which may still fold, shape [V]
         selected: wp.array(dtype=wp.uint8)  # 1: this item is measured, shape [items]
-        snapshot_count: int  # of the snapshots that are known: 3 or none
+        snapshot_count: int  # snapshots taken so far: 3 or none
         snapshot_1: wp.array(dtype=wp.vec3f)  # latest [m], shape [V]
         snapshot_2: wp.array(dtype=wp.vec3f)
         snapshot_3: wp.array(dtype=wp.vec3f)
@@ -63,47 +64,32 @@ def growing_displacement(displacement: wp.vec3d, before: wp.vec3d, earlier: wp.v
     return wp.where(outgrows(displacement, before), counted, wp.float64(0.0))
 
 
-@functools.cache
-def growing_function(precision: str) -> wp.Function:
-    """The function ``growing_of``, of one vertex."""
-    Shapes = shapes_type(precision)
-
-    @wp.func
-    def growing_of(shapes: Shapes, vertex: int, change: wp.vec3d, last: wp.vec3d):
-        """A vertex's growing displacement [m]; 0 in the lower half."""
-        # read in any case: a GPU waits for memory far longer than it computes
-        before = wp.vec3d(shapes.before[vertex])
-        growing = growing_displacement(change, last - before, before - wp.vec3d(shapes.earlier[vertex]))
-        return wp.where(shapes.lower_half[vertex] == wp.uint8(0), growing, wp.float64(0.0))
-
-    return growing_of
+@wp.func
+def growing_of(shapes: Any, vertex: int, change: wp.vec3d, last: wp.vec3d):
+    """A vertex's growing displacement [m]; 0 in the lower half. ``shapes`` of ``shapes_type``."""
+    # loaded in any case: a GPU waits for memory far longer than it computes
+    before = wp.vec3d(shapes.before[vertex])
+    growing = growing_displacement(change, last - before, before - wp.vec3d(shapes.earlier[vertex]))
+    return wp.where(shapes.lower_half[vertex] == wp.uint8(0), growing, wp.float64(0.0))
 
 
-@functools.cache
-def distances_function(precision: str) -> wp.Function:
-    """The function ``distances_of``, of one vertex."""
-    Shapes = shapes_type(precision)
-
-    @wp.func
-    def distances_of(shapes: Shapes, vertex: int, position: wp.vec3d):
-        """Squared distances from here to the first snapshot, to the second, to the third [m2]."""
-        one = shapes.snapshot_1[vertex]
-        two = shapes.snapshot_2[vertex]
-        return wp.vec3d(
-            squared_distance(wp.vec3f(position), one),
-            squared_distance(one, two),
-            squared_distance(two, shapes.snapshot_3[vertex]),
-        )
-
-    return distances_of
+@wp.func
+def distances_of(shapes: Any, vertex: int, position: wp.vec3d):
+    """Squared distances of a vertex from here to the first snapshot, to the second, to the third [m2]."""
+    one = shapes.snapshot_1[vertex]
+    two = shapes.snapshot_2[vertex]
+    return wp.vec3d(
+        squared_distance(wp.vec3f(position), one),
+        squared_distance(one, two),
+        squared_distance(two, shapes.snapshot_3[vertex]),
+    )
 
 
 @functools.cache
 def summarise_chunks_kernel(precision: str) -> wp.Kernel:
     """Kernel ``summarise_chunks``, which comes first."""
     Model, State, Shapes = cloth_types(precision).Model, cloth_types(precision).State, shapes_type(precision)
-    rests, growing_of = rest_function(precision), growing_function(precision)
-    distances_of = distances_function(precision)
+    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def summarise_chunks(

@@ -9,7 +9,7 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.base.access import element
-from warp_cloth.kernels.base.block import TOLD_APART
+from warp_cloth.kernels.base.block import CACHE_LINE
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.contact.closest_points import NOTHING, on_edges_function, on_triangle_function
 from warp_cloth.kernels.math.real import inner, root, scaled_sum
@@ -33,7 +33,7 @@ NEVER = wp.constant(wp.int64(2**62))  # longer than the path of any vertex [LENG
 REGIONS = 1024  # of vertices, at most; number 0 is empty
 # Distance between an iteration's number before and after forces: so far apart that blocks which wait for the forces
 # do not read a cache line that the others have read.
-NEXT_ITERATION = TOLD_APART // 4
+NEXT_ITERATION = CACHE_LINE // 4
 _REGION_BITS = 16  # a word packs four regions
 
 
@@ -64,18 +64,17 @@ class ContactPairs:
 
 @wp.struct
 class DisplacementBounds:
-    """Upper bounds of how far vertices have moved, by region: they tell when a skipped pair is due.
+    """Upper bounds of how far vertices have moved, by region: they decide when a skipped pair is due.
 
-    What an iteration reads and what it writes for the next lie apart, so that no thread reads what another writes.
+    What an iteration reads is stored apart from what it writes for the next: no thread reads what another writes.
     """
 
     region: wp.array(dtype=wp.int32)  # of each vertex, shape [V]; vertices of a region are near each other
     region_count: int  # number 0 included
     path: wp.array2d(dtype=wp.int64)  # path length before the forces, and after them [LENGTH_UNIT], shape [2, REGIONS]
     step: wp.array2d(dtype=wp.int32)  # longest step of an even, and an odd iteration [LENGTH_UNIT], shape [2, REGIONS]
-    iteration: wp.array(
-        dtype=wp.int32
-    )  # before the forces; from NEXT_ITERATION on after them, shape [2 NEXT_ITERATION]
+    # before the forces; from NEXT_ITERATION on after them, shape [2 NEXT_ITERATION]
+    iteration: wp.array(dtype=wp.int32)
 
 
 @wp.struct
@@ -84,7 +83,7 @@ class ContactBlocks:
 
     force_count: int  # blocks that compute contact forces; 0: a launch of their own does
     move_count: int  # blocks that move vertices, and wait for the former
-    done: wp.array(dtype=wp.int32)  # of the former those done, of the latter those that have seen it, shape [2]; zero
+    done: wp.array(dtype=wp.int32)  # counters of block.await_blocks, shape [2]; zero between launches
 
 
 @wp.struct
@@ -100,9 +99,7 @@ class SearchTrigger:
     """When the pair list is no longer valid: search margins (the skins of a Verlet list), and requests to search."""
 
     position: wp.array(dtype=wp.vec3d)  # at the last search [m], shape [V]
-    skin: wp.array(
-        dtype=wp.float32
-    )  # search margin: how far each may go from there until the next search [m], shape [V]
+    skin: wp.array(dtype=wp.float32)  # margin: how far each may go from there until the next search [m], shape [V]
     due: wp.array(dtype=wp.int32)  # whether it is time for a search, shape [1]
     requests: wp.array(dtype=wp.int32)  # by vertices since the last check; whether any is pending, shape [2]
     request_limit: int  # requests per check that make a search due at once
@@ -113,7 +110,7 @@ class SearchTrigger:
 
 @wp.struct
 class ContactData:
-    """All that kernels know of cloth contact."""
+    """All arrays of cloth contact."""
 
     model: ContactModel
     pairs: ContactPairs
@@ -212,10 +209,10 @@ class VertexContact:
 
 @wp.func
 def load_vertex_contact(contact: ContactData, vertex: int, position: wp.vec3d):
-    """Loads what is known of a vertex before contact forces are.
+    """Loads what is known of a vertex before the contact forces are.
 
-    Cloth that was farther off at the last search than both skins and the thickness cannot be met as long as no vertex
-    goes beyond its skin and half the thickness. While the pair list is full nothing moves.
+    Cloth that was farther off at the last search than both skins and the thickness cannot be reached as long as no
+    vertex goes beyond its skin and half the thickness. While the pair list is full nothing moves.
     """
     known = VertexContact()
     moved = wp.vec3f(position - element(contact.trigger.position, vertex))
@@ -244,10 +241,7 @@ def pair_reach(contact: ContactData, corners: wp.vec4i, kind: int):
 @wp.func
 def region_path(contact: ContactData, region: int):
     """Upper bound of the path of a region's vertices up to now [LENGTH_UNIT]."""
-    even, odd = (
-        contact.bounds.step[0, region],
-        contact.bounds.step[1, region],
-    )  # loads that do not wait for the iteration
+    even, odd = contact.bounds.step[0, region], contact.bounds.step[1, region]  # loads that need no iteration number
     return contact.bounds.path[0, region] + wp.int64(wp.where((contact.bounds.iteration[0] & 1) == 0, even, odd))
 
 
@@ -260,16 +254,17 @@ def pair_region(regions: wp.uint64, corner: int):
 @wp.func
 def pair_regions(contact: ContactData, corners: wp.vec4i, kind: int):
     """The regions whose paths together bound by how much a pair may have come nearer: each once on either side."""
-    first, second = int(contact.bounds.region[corners[0]]), int(contact.bounds.region[corners[1]])
-    third, fourth = int(contact.bounds.region[corners[2]]), int(contact.bounds.region[corners[3]])
+    region_0, region_1 = int(contact.bounds.region[corners[0]]), int(contact.bounds.region[corners[1]])
+    region_2, region_3 = int(contact.bounds.region[corners[2]]), int(contact.bounds.region[corners[3]])
     if kind == ON_TRIANGLE:
-        third = wp.where(third == second, 0, third)
-        fourth = wp.where(fourth == second, 0, fourth)
+        region_2 = wp.where(region_2 == region_1, 0, region_2)
+        region_3 = wp.where(region_3 == region_1, 0, region_3)
     else:
-        second = wp.where(second == first, 0, second)
-    fourth = wp.where(fourth == third, 0, fourth)
-    low = wp.uint64(first | (second << wp.static(_REGION_BITS)))
-    return low | (wp.uint64(third | (fourth << wp.static(_REGION_BITS))) << wp.uint64(wp.static(2 * _REGION_BITS)))
+        region_1 = wp.where(region_1 == region_0, 0, region_1)
+    region_3 = wp.where(region_3 == region_2, 0, region_3)
+    low = wp.uint64(region_0 | (region_1 << wp.static(_REGION_BITS)))
+    high = wp.uint64(region_2 | (region_3 << wp.static(_REGION_BITS)))
+    return low | (high << wp.uint64(wp.static(2 * _REGION_BITS)))
 
 
 @wp.func

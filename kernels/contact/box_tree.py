@@ -86,9 +86,9 @@ _BOX_OVERLAPS = """
     unsigned int mask = 0;
     const float* box = bound.data + 192 * group;
     for (int k = 0; k < 32; ++k) {
-        const bool meets = (box[k] <= upper[0]) & (box[32 + k] <= upper[1]) & (box[64 + k] <= upper[2])
+        const bool overlaps = (box[k] <= upper[0]) & (box[32 + k] <= upper[1]) & (box[64 + k] <= upper[2])
             & (box[96 + k] >= lower[0]) & (box[128 + k] >= lower[1]) & (box[160 + k] >= lower[2]);
-        mask |= (unsigned int)meets << k;
+        mask |= (unsigned int)overlaps << k;
     }
 """
 
@@ -128,14 +128,15 @@ _LEAF_OVERLAPS = (
 #pragma unroll 2
     for (int k = 0; k < count; ++k) {  // one query after another, against a box of each thread
         const float4 high = query[2 * k], low = query[2 * k + 1];
-        bool meets = (x0 <= high.x) & (y0 <= high.y) & (z0 <= high.z) & (x1 >= high.w) & (y1 >= low.x) & (z1 >= low.y);
-        if (__ballot_sync(0xffffffffu, meets) == 0)
+        bool overlaps = (x0 <= high.x) & (y0 <= high.y) & (z0 <= high.z)
+            & (x1 >= high.w) & (y1 >= low.x) & (z1 >= low.y);
+        if (__ballot_sync(0xffffffffu, overlaps) == 0)
             continue;
         const int p = __float_as_int(low.z), q = __float_as_int(low.w);
 #pragma unroll
         for (int c = 0; c < CORNERS; ++c)
-            meets = meets & (own[c] != p) & (own[c] != q);
-        const unsigned int mask = __ballot_sync(0xffffffffu, meets);
+            overlaps = overlaps & (own[c] != p) & (own[c] != q);
+        const unsigned int mask = __ballot_sync(0xffffffffu, overlaps);
         if (rank == k)
             found = mask;
     }
@@ -265,7 +266,7 @@ def group_bound(bound: wp.array(dtype=wp.float32), group: int, upper: int, sign:
 
 @wp.func
 def low_bits(count: int):
-    """A mask of so many of the lowest bits, 0 to 32."""
+    """A mask of the lowest bits, 0 to 32 of them."""
     some = (wp.uint32(1) << wp.uint32(count & 31)) - wp.uint32(1)
     return wp.where(count <= 0, wp.uint32(0), wp.where(count >= WIDTH, ~wp.uint32(0), some))
 

@@ -14,7 +14,7 @@ from warp_cloth.kernels.math.real import inner, quotient, scaled_sum
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
 
 # Squared sine of the angle between two edges below which their weight falls to zero: parallel edges have no unique
-# nearest point, and a jump of that point would be a jump of the force. Their ends still meet the triangles.
+# nearest point, and a jump of that point would be a jump of the force. Their ends still collide with the triangles.
 PARALLEL = 0.01
 NOTHING = wp.constant(wp.float64(0.0))
 WHOLE = wp.constant(wp.float64(1.0))

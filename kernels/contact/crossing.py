@@ -48,7 +48,7 @@ def has_vertex(triangle: wp.vec3i, vertex: int):
 
 @wp.func
 def pierces(position: wp.array(dtype=wp.vec3d), ends: wp.vec2i, corners: wp.vec3i):
-    """Whether an edge passes through a triangle that it shares no vertex with."""
+    """Whether an edge passes through a triangle; not one that it has a vertex in common with."""
     if has_vertex(corners, ends[0]) or has_vertex(corners, ends[1]):
         return False
     return segment_pierces(
@@ -69,7 +69,7 @@ def store_crossing(
     count: wp.array(dtype=wp.int32),
     crossing: wp.array(dtype=wp.vec2i),
 ):
-    """Counts a crossing and, while there is room, stores it."""
+    """Counts a crossing and stores it, unless the list is full."""
     slot = wp.atomic_add(count, 0, 1)
     if slot < crossing.shape[0]:
         crossing[slot] = wp.vec2i(edge, triangle)
@@ -80,7 +80,7 @@ def find_every_crossing(
     position: wp.array(dtype=wp.vec3d),  # [m], shape [V]
     edges: wp.array(dtype=wp.vec2i),  # shape [E]
     triangles: wp.array(dtype=wp.vec3i),  # shape [F]
-    item: wp.array(dtype=wp.int32),  # vertices of different items never meet, shape [V]
+    item: wp.array(dtype=wp.int32),  # vertices of different items do not collide, shape [V]
     count_out: wp.array(dtype=wp.int32),  # shape [1]
     crossing_out: wp.array(dtype=wp.vec2i),  # edge and triangle, shape [capacity]
 ):
@@ -99,7 +99,7 @@ def find_crossings(
     position: wp.array(dtype=wp.vec3d),  # [m], shape [V]
     edges: wp.array(dtype=wp.vec2i),  # shape [E]
     triangles: wp.array(dtype=wp.vec3i),  # shape [F]
-    item: wp.array(dtype=wp.int32),  # vertices of different items never meet, shape [V]
+    item: wp.array(dtype=wp.int32),  # vertices of different items do not collide, shape [V]
     count_out: wp.array(dtype=wp.int32),  # shape [1]
     crossing_out: wp.array(dtype=wp.vec2i),  # edge and triangle, shape [capacity]
 ):

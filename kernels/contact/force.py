@@ -44,7 +44,7 @@ STICK_FRACTION = 0.2
 
 # No result is used: with an atomic that returns the old value a GPU would wait for the memory.
 _ADD_UNITS = """
-    const wp::int64 units[4] = {x, y, z, fourth};
+    const wp::int64 units[4] = {x, y, z, extra};
     wp::int64* const to = load.data + 4 * vertex;
 #pragma unroll
     for (int k = 0; k < 4; ++k)
@@ -67,7 +67,7 @@ _LOWER_LIMIT = """
 
 @wp.func_native(_ADD_UNITS)
 def add_load_units(
-    load: wp.array2d(dtype=wp.int64), vertex: int, x: wp.int64, y: wp.int64, z: wp.int64, fourth: wp.int64
+    load: wp.array2d(dtype=wp.int64), vertex: int, x: wp.int64, y: wp.int64, z: wp.int64, extra: wp.int64
 ):
     """Adds integers to a vertex's load."""
     wp.atomic_add(load, vertex, 0, x)
@@ -86,26 +86,26 @@ def add_functions(real: type) -> SimpleNamespace:
     by_force, by_stiffness = wp.constant(real(1.0 / float(FORCE_UNIT))), wp.constant(real(1.0 / float(STIFFNESS_UNIT)))
 
     @wp.func
-    def add_vertex_load(load: wp.array2d(dtype=wp.int64), vertex: int, force: vec3, fourth: real):
+    def add_vertex_load(load: wp.array2d(dtype=wp.int64), vertex: int, force: vec3, extra: real):
         """Adds a force [N] and a fourth component to a vertex's load."""
         units = force * by_force
         add_load_units(
-            load, vertex, wp.int64(units[0]), wp.int64(units[1]), wp.int64(units[2]), wp.int64(fourth * by_stiffness)
+            load, vertex, wp.int64(units[0]), wp.int64(units[1]), wp.int64(units[2]), wp.int64(extra * by_stiffness)
         )
 
     @wp.func
-    def add_pair(load: wp.array2d(dtype=wp.int64), corners: wp.vec4i, weights: vec4, force: vec3, fourth: real):
+    def add_pair(load: wp.array2d(dtype=wp.int64), corners: wp.vec4i, weights: vec4, force: vec3, extra: real):
         """Adds w_i times the force on a pair's first [N], and |w_i| times a fourth component, w_i the weights."""
         for corner in range(4):
-            add_vertex_load(load, corners[corner], weights[corner] * force, wp.abs(weights[corner]) * fourth)
+            add_vertex_load(load, corners[corner], weights[corner] * force, wp.abs(weights[corner]) * extra)
 
     @wp.func
-    def add_couples(load: wp.array2d(dtype=wp.int64), corners: wp.vec4i, couple_0: vec3, couple_1: vec3, fourth: real):
+    def add_couples(load: wp.array2d(dtype=wp.int64), corners: wp.vec4i, couple_0: vec3, couple_1: vec3, extra: real):
         """Adds a couple, opposite forces on the ends [N], to each of two edges, and a fourth component to all ends."""
-        add_vertex_load(load, corners[0], couple_0, fourth)
-        add_vertex_load(load, corners[1], -couple_0, fourth)
-        add_vertex_load(load, corners[2], couple_1, fourth)
-        add_vertex_load(load, corners[3], -couple_1, fourth)
+        add_vertex_load(load, corners[0], couple_0, extra)
+        add_vertex_load(load, corners[1], -couple_0, extra)
+        add_vertex_load(load, corners[2], couple_1, extra)
+        add_vertex_load(load, corners[3], -couple_1, extra)
 
     return SimpleNamespace(add_pair=add_pair, add_couples=add_couples)
 
@@ -300,7 +300,7 @@ def queued_forces_function(precision: str, accumulate: Accumulate, sort: int, in
 
     @wp.func
     def add_queued_forces(step: Step, state: State, contact: ContactData, place: int, begin: int, total: int):
-        """Adds the forces of a thread's share of the queued pairs of a sort."""
+        """Adds the forces of those queued pairs of a sort that a thread takes."""
         number = first_queued(wp.static(sort))
         while number < total:
             pair = queued_pair(
@@ -331,9 +331,9 @@ def block_forces_function(precision: str, accumulate: Accumulate, in_order: bool
 
     @wp.func
     def add_block_forces(step: Step, state: State, contact: ContactData, thread: int, blocks: int):
-        """Adds the forces of one of so many blocks' share of the due pairs; the first block advances the bounds.
+        """Adds the forces of those due pairs that one of ``blocks`` blocks takes; the first also advances the bounds.
 
-        A block queues them first: they are few, and scattered, so that otherwise most threads would wait for others.
+        A block queues them first: they are few and scattered, so that otherwise most threads would wait for others.
         """
         first = int(0)
         capacity = contact.pairs.corners.shape[0]

@@ -18,9 +18,9 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
 _KEY = """
-    const float given = value + 0.0f;  // turns -0 into +0
+    const float key = value + 0.0f;  // -0 becomes +0
     int bits;
-    memcpy(&bits, &given, sizeof(bits));
+    memcpy(&bits, &key, sizeof(bits));
     const unsigned int rising = bits < 0 ? ~(unsigned int)bits : (unsigned int)bits | 0x80000000u;
     return ((int64_t)segment << 32) | (int64_t)rising;
 """

@@ -8,7 +8,7 @@ from warp_cloth.kernels.contact.arrays import NEVER, REGIONS
 from warp_cloth.kernels.contact.displacement_bounds import PAIR_PATH, PATH_TABLE
 
 ROUNDS = 3  # pairs that each thread of a block checks at once
-# Pairs for which a block has memory besides the regions' paths; when the queue is full, its pairs are worked on.
+# Pairs for which a block has memory besides the regions' paths; when the queue is full, its pairs are processed.
 QUEUED = (BLOCK_MEMORY - 8 * REGIONS) // 4 - 2
 
 # Threads of a block that take vertices on triangles; the others take edges: threads of a warp would wait for each other
@@ -137,9 +137,9 @@ for _dtype in (wp.int64, wp.uint64):
     def load_due(values: wp.array(dtype=_dtype), first: int, end: int, blocks: int) -> wp.types.vector(
         length=ROUNDS, dtype=_dtype
     ):
-        """Loads ``due`` or ``regions`` of a thread's pairs, ROUNDS for each thread of so many blocks.
+        """Loads ``due`` or ``regions`` of a thread's pairs from ``first`` to before ``end``, ROUNDS for each thread.
 
-        Of the pairs from ``first`` to before ``end``. On the GPU only.
+        On the GPU only.
         """
         ...
 
@@ -155,7 +155,7 @@ def queue_due(
     blocks: int,
     restart: int,
 ) -> wp.vec2i:
-    """A block queues its share of the pairs that are due; returns how many of each kind are queued.
+    """A block queues those of its pairs that are due; returns how many of each kind are queued.
 
     ``dues`` and ``regions`` of ``load_due``, of pairs from ``first`` to before ``count``; ``all``: whether they are due
     or not; ``restart``: empties the queue first.
@@ -180,7 +180,7 @@ def queued_pair(
 
 @wp.func_native(_CAPACITY)
 def queue_capacity() -> int:
-    """Queue length beyond which its pairs must be worked on; on the CPU, which does not queue, none."""
+    """Queue length beyond which its pairs must be processed; on the CPU, which does not queue, none."""
     ...
 
 

@@ -40,7 +40,7 @@ class ContactSearch:
 
     triangles: wp.array(dtype=wp.vec3i)  # shape [F]
     edges: wp.array(dtype=wp.vec2i)  # shape [E]
-    item: wp.array(dtype=wp.int32)  # vertices of different items never meet, shape [V]
+    item: wp.array(dtype=wp.int32)  # vertices of different items do not collide, shape [V]
     longest: wp.array(dtype=wp.float32)  # length from which an edge is a seam that has yet to close [m], shape [E]
     sides: wp.array(dtype=wp.vec3i)  # edges of each triangle, shape [F]
     near_start: wp.array(dtype=wp.int32)  # rows of the vertices near each one in the rest shape, shape [V + 1]

@@ -57,13 +57,13 @@ def remembered_stick(memory: StickMemory, corners: wp.vec4i, kind: int):
 
 @wp.func
 def begin_search(memory: StickMemory):
-    """Turns the table's entries into those before this search."""
+    """Starts a search: the table's entries become those before it."""
     memory.search[0] = memory.search[0] + wp.int64(1)
 
 
 @wp.func
 def remember_stick(contact: ContactData, memory: StickMemory, pair: int):
-    """Stores a pair, if it sticks, in any free entry of its chain: a look-up finds the same whatever the order."""
+    """Stores a pair, if it sticks, in any free entry of its chain: a query finds the same whatever the order."""
     stick = contact.pairs.stick[pair]
     if stick == wp.vec4f():
         return

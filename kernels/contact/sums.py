@@ -62,7 +62,7 @@ def take_load_function(precision: str) -> wp.Function:
     def take_contact_load(contact: ContactData, vertex: int, known: VertexContact):
         """Contact's force [N] and fourth component at a vertex, and the vertex's step limit [m]. Resets both sums.
 
-        Within the limit it cannot meet anything, known or not.
+        Within the limit it cannot reach anything, listed or not.
         """
         row = load_row(contact.sums.load, vertex)  # all loads come before any store
         limit = element(contact.sums.step_limit, vertex)

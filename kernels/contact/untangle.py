@@ -83,9 +83,9 @@ def add_shift(sum: wp.array2d(dtype=wp.int64), vertex: int, shift: wp.vec3d):
 
 
 _BITS = """
-    float given = value;
+    float key = value;
     int bits;
-    memcpy(&bits, &given, sizeof(bits));  // the bits of positive floats are ordered as they are
+    memcpy(&bits, &key, sizeof(bits));  // the bits of positive floats are ordered as they are
     return (int64_t)bits << 32;
 """
 

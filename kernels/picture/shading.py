@@ -94,7 +94,7 @@ def pixel_point(view: View, row: int, column: int, depth: float) -> wp.vec3f:
 
 @wp.func
 def pattern_rotation(row: int, column: int) -> float:
-    """Rotation of a pixel's sampling pattern in turns, one of four in a 2 x 2 block, which supersampling averages."""
+    """Rotation of a pixel's sampling pattern [revolutions], one of four in a 2 x 2 block, averaged by supersampling."""
     return 0.25 * float(2 * (row % 2) + column % 2)
 
 

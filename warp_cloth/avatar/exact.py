@@ -59,9 +59,9 @@ class ExactCollider:
     def closest(self, points: Points) -> Closest:
         """The surface nearest to points [m], shape [N, 3], however far."""
         given = self.local(points)
-        found = wp.empty_like(given)
+        found = wp.zeros_like(given)
         face = wp.empty(len(given), dtype=wp.int32, device=self.device)
-        weights = wp.empty_like(given)
+        weights = wp.zeros_like(given)
         wp.launch(
             kernels.find_closest,
             dim=len(given),

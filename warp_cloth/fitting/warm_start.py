@@ -14,7 +14,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.export.meshes import AVATAR_NODE
 from warp_cloth.fitting.problem import Problem
-from warp_cloth.kernels.avatar.nearest import find_nearest
+from warp_cloth.kernels.avatar.closest import find_closest
 from warp_cloth.loading import load_mesh
 from warp_cloth.loading.generic import gltf_mesh_names
 from warp_cloth.loading.load import GLTF_KINDS, read_raw
@@ -121,7 +121,8 @@ def corresponding_points(old: Mesh, worn: Points, new: Mesh, device: str = "cpu"
     queries = wp.array(new_places.reshape(-1, 3), dtype=wp.vec3f, device=device)
     face = wp.empty(len(queries), dtype=wp.int32, device=device)
     weight = wp.zeros(len(queries), dtype=wp.vec3f, device=device)
-    wp.launch(find_nearest, dim=len(queries), inputs=[surface.id, queries, face, weight], device=device)
+    outputs = [wp.empty_like(queries), face, weight]
+    wp.launch(find_closest, dim=len(queries), inputs=[surface.id, queries], outputs=outputs, device=device)
     corners = worn[old.triangles[face.numpy()]]
     found = (corners * weight.numpy()[:, :, None]).sum(axis=1)
     vertex = new.triangles.ravel()

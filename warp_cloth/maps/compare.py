@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.kernels.avatar.nearest import find_nearest
+from warp_cloth.kernels.avatar.closest import find_closest
 from warp_cloth.maps.kinds import MAPS, difference_of, shown_range
 from warp_cloth.maps.read import WrittenFit
 from warp_cloth.model.result import WornGarment, matched
@@ -84,7 +84,8 @@ def _values_at(
     points = wp.array(one.points.astype(np.float32), dtype=wp.vec3f, device=device)
     face = wp.empty(len(points), dtype=wp.int32, device=device)
     weight = wp.zeros(len(points), dtype=wp.vec3f, device=device)
-    wp.launch(find_nearest, dim=len(points), inputs=[mesh.id, points, face, weight], device=device)
+    outputs = [wp.empty_like(points), face, weight]
+    wp.launch(find_closest, dim=len(points), inputs=[mesh.id, points], outputs=outputs, device=device)
     corners = other.mesh.triangles[face.numpy()]
     weights = weight.numpy()
     return {name: (other.fields[name][corners] * weights).sum(axis=1).astype(np.float32) for name in names}
