@@ -63,6 +63,14 @@ _BLOCK_THREADS = """
 #endif
 """
 
+_WARP_SIZE = """
+#if defined(__CUDA_ARCH__)
+    return 32;
+#else
+    return 1;
+#endif
+"""
+
 _SIGNAL = """
 #if defined(__CUDA_ARCH__)
     __syncthreads();
@@ -171,6 +179,12 @@ def threads_function(threads: int) -> wp.Function:
 
 
 block_threads = threads_function(0)
+
+
+@wp.func_native(_WARP_SIZE)
+def warp_size() -> int:
+    """Threads that run together: a GPU's warp, 1 on the CPU."""
+    ...
 
 
 @wp.func_native(_SIGNAL)

@@ -110,14 +110,6 @@ _ADD_IN_LANE_ORDER = """
     return result;
 """
 
-_WARP_SIZE = """
-#if defined(__CUDA_ARCH__)
-    return 32;
-#else
-    return 1;
-#endif
-"""
-
 _SINGLE = {"real": "wp::float32", "kind": "f32", "letter": "f"}
 _DOUBLE = {"real": "wp::float64", "kind": "f64", "letter": "d"}
 
@@ -215,12 +207,6 @@ def coherent_load_function(precision: str) -> wp.Function:
         ...
 
     return coherent_load
-
-
-@wp.func_native(_WARP_SIZE)
-def warp_size() -> int:
-    """Threads that run together (a GPU's warp), 1 on the CPU: so many share a row, and add in its order."""
-    ...
 
 
 @functools.cache

@@ -10,7 +10,7 @@ of one search by ``wp.Bvh`` (refit, a thread for each query) over that by this t
 
 import warp as wp
 
-from warp_cloth.kernels.base.block import block_threads, wait_for_block
+from warp_cloth.kernels.base.block import block_threads, wait_for_block, warp_size
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -48,14 +48,6 @@ class BoxWalk:
     mask_2: wp.uint32
     mask_3: wp.uint32
 
-
-_TEAM_THREADS = """
-#if defined(__CUDA_ARCH__)
-    return 32;
-#else
-    return 1;
-#endif
-"""
 
 _TEAM_MIN = """
 #if defined(__CUDA_ARCH__)
@@ -194,12 +186,6 @@ _GROUP_BOUND = """
     }
     return least;
 """
-
-
-@wp.func_native(_TEAM_THREADS)
-def team_threads() -> int:
-    """Threads of a team: 32 on a GPU, 1 on the CPU."""
-    ...
 
 
 @wp.func_native(_TEAM_MIN)
@@ -350,14 +336,14 @@ def store_box(tree: BoxTree, level: int, box: int, lower: wp.vec3f, upper: wp.ve
 @wp.func
 def refit_groups(tree: BoxTree, level: int, begin: int, count: int, lane: int):
     """Refits boxes of the next level to ``count`` groups of a level, by a block's teams."""
-    local = lane // team_threads()
+    local = lane // warp_size()
     while local < count:
         group = begin + local
         lower = group_bound(tree.bound, tree.first[level] + group, 0, 1.0)
         upper = group_bound(tree.bound, tree.first[level] + group, 1, -1.0)
-        if lane % team_threads() == 0:
+        if lane % warp_size() == 0:
             store_box(tree, level + 1, group, lower, upper)
-        local += wp.max(block_threads() // team_threads(), 1)
+        local += wp.max(block_threads() // warp_size(), 1)
 
 
 @wp.func

@@ -14,6 +14,7 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.base.block import warp_size
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import ContactData
 from warp_cloth.kernels.contact.box_tree import (
@@ -26,7 +27,6 @@ from warp_cloth.kernels.contact.box_tree import (
     lowest_bit,
     team_lane,
     team_max,
-    team_threads,
 )
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -152,7 +152,7 @@ def walk_groups_function(find_leaves: wp.Function) -> wp.Function:
             left = left & (left - wp.uint32(1))
             slot += 1
         if team_max(base + count) > capacity:  # the team searches each thread's remaining groups together
-            for lane in range(team_threads()):
+            for lane in range(warp_size()):
                 others = wp.uint32(team_value(wp.int32(left), lane))
                 place = team_value(first, lane)
                 while others != wp.uint32(0):
@@ -184,7 +184,7 @@ def walk_groups_function(find_leaves: wp.Function) -> wp.Function:
                 mask = walk.mask_1
             steps += 1
             walk = advance_walk(tree, walk)
-            if walk.group < 0 or steps == team_threads():
+            if walk.group < 0 or steps == warp_size():
                 list_groups(state, search, contact, extra, candidates, query, first, mask)
                 mask = wp.uint32(0)
                 steps = 0
@@ -238,7 +238,7 @@ def groups_kernel(precision: str, find_leaves: wp.Function, Search: Any, Extra: 
         state: State, search: Search, contact: ContactData, extra: Extra, candidates: Candidates, threads: int
     ):
         """Lists the leaves that overlap in the listed pairs of groups, a team for each pair."""
-        row = wp.tid() // team_threads()
+        row = wp.tid() // warp_size()
         count = wp.min(candidates.count[GROUP_COUNT], candidates.group.shape[0])
         while row < count:
             pair = candidates.group[row]
@@ -246,7 +246,7 @@ def groups_kernel(precision: str, find_leaves: wp.Function, Search: Any, Extra: 
             query.kind = pair[0]
             query.group = pair[1]
             find_leaves(state, search, contact, extra, candidates, query, pair[2])
-            row += threads // team_threads()
+            row += threads // warp_size()
 
     return process_groups
 

@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.access import position_of
+from warp_cloth.kernels.base.block import warp_size
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import ON_EDGE, ON_TRIANGLE, ContactData
 from warp_cloth.kernels.contact.box_tree import (
@@ -16,7 +17,6 @@ from warp_cloth.kernels.contact.box_tree import (
     start_walk,
     team_lane,
     team_max,
-    team_threads,
 )
 from warp_cloth.kernels.contact.broad_phase import (
     Candidates,
@@ -45,7 +45,7 @@ def tangled_edges(search: ContactSearch, group: int):
     while local < WIDTH:
         ends = search.ends[WIDTH * group + local]
         found = wp.max(found, wp.max(search.tangled[ends[0]], search.tangled[ends[1]]))
-        local += team_threads()
+        local += warp_size()
     return team_max(found) > 0
 
 
@@ -57,7 +57,7 @@ def tangled_triangles(search: ContactSearch, group: int):
     while local < WIDTH:
         t = search.corners[WIDTH * group + local]
         found = wp.max(found, wp.max(search.tangled[t[0]], wp.max(search.tangled[t[1]], search.tangled[t[2]])))
-        local += team_threads()
+        local += warp_size()
     return team_max(found) > 0
 
 
@@ -70,7 +70,7 @@ def tangled_vertices(search: ContactSearch, group: int):
         vertex = search.vertex[WIDTH * group + local]
         if vertex >= 0:
             found = wp.max(found, search.tangled[vertex])
-        local += team_threads()
+        local += warp_size()
     return team_max(found) > 0
 
 
@@ -138,7 +138,7 @@ def find_crossing(
             mask = leaf_overlaps(tree.bound, search.corners, triangles, low, high, vertex, vertex, may)
             querying = -1 - vertex
         list_leaves(state, search, contact, untangling, candidates, querying, triangles, mask)
-        local += team_threads()
+        local += warp_size()
 
 
 walk_groups = walk_groups_function(find_crossing)
@@ -230,7 +230,7 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
 
         Between two things of which neither was tangled at the last search, which knew all that is near, there is none.
         """
-        group = wp.tid() // team_threads()
+        group = wp.tid() // warp_size()
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
         triangle_groups = search.triangle_tree.leaf.shape[0] // WIDTH
         all = search.whole[0] > 0

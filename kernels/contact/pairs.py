@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.access import position_of
+from warp_cloth.kernels.base.block import warp_size
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import (
     NEIGHBOURS,
@@ -27,7 +28,6 @@ from warp_cloth.kernels.contact.box_tree import (
     may_overlap,
     start_walk,
     team_lane,
-    team_threads,
 )
 from warp_cloth.kernels.contact.broad_phase import (
     Candidates,
@@ -193,7 +193,7 @@ def near_leaves_function(precision: str) -> wp.Function:
                 mask = leaf_overlaps(bound, search.corners, group, low, high, vertex, vertex, may)
                 querying = -1 - vertex
             list_leaves(state, search, contact, memory, candidates, querying, group, mask)
-            local += team_threads()
+            local += warp_size()
 
     return find_near
 
@@ -208,7 +208,7 @@ def near_groups_kernel(precision: str) -> wp.Kernel:
         state: State, search: ContactSearch, contact: ContactData, memory: StickMemory, candidates: Candidates
     ):
         """Lists the groups of leaves that may be near each group of edges, and of vertices: a team for each."""
-        group = wp.tid() // team_threads()
+        group = wp.tid() // warp_size()
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
         query = Query()
         if group < edge_groups:

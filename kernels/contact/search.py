@@ -6,7 +6,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.access import position_of
-from warp_cloth.kernels.base.block import block_of, block_threads, lane_of
+from warp_cloth.kernels.base.block import block_of, block_threads, lane_of, warp_size
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import ContactData
 from warp_cloth.kernels.contact.box_tree import (
@@ -19,7 +19,6 @@ from warp_cloth.kernels.contact.box_tree import (
     store_box,
     team_lane,
     team_min,
-    team_threads,
 )
 from warp_cloth.kernels.contact.broad_phase import Candidates, clear_candidates
 from warp_cloth.kernels.contact.search_trigger import next_skin
@@ -237,5 +236,5 @@ def vertex_group_box(state: Any, search: ContactSearch, contact: ContactData, gr
             wide = box_margin(contact, contact.trigger.skin[vertex])
             low = wp.min(low, x - wide)
             high = wp.max(high, x + wide)
-        local += team_threads()
+        local += warp_size()
     return team_min(low), -team_min(-high)

@@ -11,8 +11,8 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.base.block import block_threads, lane_of, wait_for_block
-from warp_cloth.kernels.base.reduction import add_in_lane_order_function, warp_size
+from warp_cloth.kernels.base.block import block_threads, lane_of, wait_for_block, warp_size
+from warp_cloth.kernels.base.reduction import add_in_lane_order_function
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.implicit.sparse import add_row_function, row_product_function, sparse_types
 from warp_cloth.kernels.math.symmetric import inverse, symmetric_times

@@ -9,7 +9,8 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.base.reduction import add_in_lane_order_function, warp_size
+from warp_cloth.kernels.base.block import warp_size
+from warp_cloth.kernels.base.reduction import add_in_lane_order_function
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.elements.stiffness import stiffness_types
 from warp_cloth.kernels.implicit.rigid_types import INTERLEAVED, rigid_types

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.base.reduction import add_in_lane_order_function, warp_size
+from warp_cloth.kernels.base.block import warp_size
+from warp_cloth.kernels.base.reduction import add_in_lane_order_function
 from warp_cloth.kernels.base.types import cloth_types
 
 

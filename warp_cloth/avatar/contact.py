@@ -273,7 +273,7 @@ class AvatarContact:
         return copy(self)
 
     def covers(self, points: Points) -> bool:
-        """Whether the collider is valid wherever garments at these positions [m] may touch the avatar."""
+        """Whether the collider is valid wherever garments at these positions [m] may reach the avatar."""
         return self.covers_box(points.min(axis=0), points.max(axis=0))
 
     def covers_box(self, low: Points, high: Points) -> bool:
@@ -286,7 +286,7 @@ class AvatarContact:
         if self._avatar is None or self._options.kind == "mesh":
             return np.full(3, -np.inf), np.full(3, np.inf)
         lower, upper = self._lower + NEAR_EDGE, self._upper - NEAR_EDGE
-        # beyond the avatar's own box there is nothing to meet
+        # beyond the avatar's own box there is nothing to collide with
         return (
             np.where(self._box[0] >= lower, -np.inf, lower),
             np.where(self._box[1] <= upper, np.inf, upper),
@@ -332,7 +332,7 @@ class AvatarContact:
     def _audit(
         self, buffers: Any, sampled: Any, exact: ExactCollider, near: Callable[[], NearSurface]
     ) -> dict[str, Any]:
-        """The error of what was drawn, for the report; ``near`` is the surface that garments may meet."""
+        """The error of what was drawn, for the report; ``near`` is the surface that garments may reach."""
         surface = near()
         error = contact_error(sampled, exact, *surface.worn_and_true(exact, self._options.offset))
         return {

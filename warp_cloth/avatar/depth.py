@@ -17,24 +17,24 @@ from warp_cloth.kernels.avatar.raster import View, draw_depth
 DEFAULT_PIXEL = 0.002  # [m]; fine enough for 0.2 mm on rounded limbs, 0.2 million pixels for a T-shirt
 MOST_PIXELS = 2**27  # 512 MiB of float32 in each of five images
 TOO_FINE = "set a larger pixel, or check the units of garment and avatar"
-DEFAULT_REACH = 0.01  # [m]; contact happens at the offset, 3 mm: the rest is room to move in one step
+DEFAULT_REACH = 0.01  # [m]; contact happens at the offset, 3 mm: the rest is for the displacement of a step
 
 
 def sampled(kernel: wp.Kernel, collider: object, points: Points, device: wp.DeviceLike) -> NDArray[np.float32]:
     """Runs a sampling kernel at points [m], shape [N, 3]: unit normal and signed distance [m], shape [N, 4]."""
-    given = wp.array(np.ascontiguousarray(points), dtype=wp.vec3d, device=device)
-    found = wp.empty(len(given), dtype=wp.vec4f, device=device)
-    wp.launch(kernel, dim=len(given), inputs=[collider, given], outputs=[found], device=device)
+    queries = wp.array(np.ascontiguousarray(points), dtype=wp.vec3d, device=device)
+    found = wp.empty(len(queries), dtype=wp.vec4f, device=device)
+    wp.launch(kernel, dim=len(queries), inputs=[collider, queries], outputs=[found], device=device)
     return found.numpy()
 
 
 @dataclass(frozen=True, eq=False)
 class PlainCollider:
-    """The paper's look-up in depth buffers, not baked into a field."""
+    """The paper's query in depth buffers, not baked into a field."""
 
     solid: DepthSolid
     reach: float  # [m]
-    bytes: int  # memory that look-ups read
+    bytes: int  # memory that queries read
 
     def sample(self, points: Points) -> NDArray[np.float32]:
         """Unit normal and signed distance at points [m], shape [N, 3]; shape [N, 4]. Far ones have no normal."""
@@ -54,7 +54,7 @@ class DepthBuffers:
     front: wp.array  # greatest z [m], shape [rows along y, columns along x]
     back: wp.array  # greatest -z [m], same shape
     top: wp.array  # greatest y [m], shape [rows along z, columns along x]
-    middle: wp.array  # mean of front and back surface, carried past the silhouette [m]
+    middle: wp.array  # mean of front and back surface, extended past the silhouette [m]
     bulge: wp.array  # half thickness squared, negative past the silhouette [m2]
     level = solid_level
     solid_type = DepthSolid
@@ -78,21 +78,21 @@ class DepthBuffers:
         return solid
 
     def plain(self, reach: float = DEFAULT_REACH) -> PlainCollider:
-        """The paper's own look-up in these buffers, to a distance of ``reach`` [m]; valid while this object lives."""
+        """The paper's own query in these buffers, to a distance of ``reach`` [m]; valid while this object lives."""
         solid = self.solid()
         solid.reach = reach
         return PlainCollider(solid, reach, sum(view.capacity for view in (self.front, self.back, self.top)))
 
     def levels(self, points: Points) -> NDArray[np.float32]:
         """Positive inside the solid that the buffers enclose, negative outside [m], shape [N]."""
-        given = wp.array(np.ascontiguousarray(points), dtype=wp.vec3d, device=self.device)
-        found = wp.empty(len(given), dtype=wp.float32, device=self.device)
-        wp.launch(sample_level, dim=len(given), inputs=[self.solid(), given], outputs=[found], device=self.device)
+        queries = wp.array(np.ascontiguousarray(points), dtype=wp.vec3d, device=self.device)
+        found = wp.empty(len(queries), dtype=wp.float32, device=self.device)
+        wp.launch(sample_level, dim=len(queries), inputs=[self.solid(), queries], outputs=[found], device=self.device)
         return found.numpy()
 
 
 def contact_bounds(garment: Points, avatar: Points, margin: float) -> tuple[Points, Points]:
-    """The region where they may touch: the intersection of both boxes, widened by ``margin``.
+    """The region where they may collide: the intersection of both boxes, widened by ``margin``.
 
     All [m]; ``garment`` and ``avatar`` shape [N, 3], each corner returned shape [3].
     """

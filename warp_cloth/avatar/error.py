@@ -17,7 +17,7 @@ PAPER_VIEWS = ((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))  # towards th
 NEARBY = 0.05  # [m] round the surface nearest to a garment's vertices: what it may come to lie on
 SAMPLES = 10_000  # points of that surface; ten of them beyond the 99.9th percentile
 OFF_SURFACE = 2e-4  # [m]; visibility is tested from here: clear of float32's rounding and of the point's own face
-ROOM = 0.9  # fraction of the offset that the exact mesh must leave: cloth at the offset does not fit in narrower gaps
+LEAST_GAP = 0.9  # of the offset that must be free of the exact mesh: cloth at the offset fits no narrower gap
 PERCENTILES = (50.0, 99.0, 99.9, 100.0)
 GOLDEN = (0.7548776662466927, 0.5698402909980532)  # steps of Roberts' R2 sequence: even, and the same every time
 
@@ -61,7 +61,7 @@ class NearSurface:
         """The same and their exact distances [m]."""
         points = self.above(offset)
         distances = exact.sample(points)[:, 3]
-        there = distances >= ROOM * offset
+        there = distances >= LEAST_GAP * offset
         return points[there], distances[there]
 
 
@@ -88,7 +88,7 @@ def near_surface(avatar: Mesh, exact: ExactCollider, garment: Points, lower: Poi
     u, v = (step * GOLDEN[0] % 1.0, step * GOLDEN[1] % 1.0)
     u, v = np.where(u + v > 1.0, 1.0 - u, u)[:, None], np.where(u + v > 1.0, 1.0 - v, v)[:, None]
     points = a[face] + u * (b - a)[face] + v * (c - a)[face]
-    outward = exact.turn * normals[face] / (2.0 * area[face, None])
+    outward = exact.orientation * normals[face] / (2.0 * area[face, None])
     shift = OFF_SURFACE * outward
     # both together take a GPU the time of one: its threads wait for memory
     off, below = np.split(exact.sample(np.concatenate([points + shift, points - shift]))[:, 3], 2)

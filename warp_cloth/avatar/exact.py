@@ -40,7 +40,7 @@ class ExactCollider:
     collider: kernels.MeshCollider
     mesh: wp.Mesh
     avatar: Mesh
-    turn: float = 1.0  # -1 where the avatar was inside out
+    orientation: float = 1.0  # -1 where the avatar was inside out
 
     @property
     def device(self) -> wp.Device:
@@ -58,14 +58,14 @@ class ExactCollider:
 
     def closest(self, points: Points) -> Closest:
         """The surface nearest to points [m], shape [N, 3], however far."""
-        given = self.local(points)
-        found = wp.zeros_like(given)
-        face = wp.empty(len(given), dtype=wp.int32, device=self.device)
-        weights = wp.zeros_like(given)
+        queries = self.local(points)
+        found = wp.zeros_like(queries)
+        face = wp.empty(len(queries), dtype=wp.int32, device=self.device)
+        weights = wp.zeros_like(queries)
         wp.launch(
             kernels.find_closest,
-            dim=len(given),
-            inputs=[self.mesh.id, given],
+            dim=len(queries),
+            inputs=[self.mesh.id, queries],
             outputs=[found, face, weights],
             device=self.device,
         )
@@ -92,8 +92,8 @@ def build_exact_collider(
     lower, upper = avatar.bounds()
     origin = 0.5 * (lower + upper)
     points, triangles = avatar.points - origin, avatar.triangles
-    turn = -1.0 if avatar.inside_out else 1.0
-    if turn < 0.0:
+    orientation = -1.0 if avatar.inside_out else 1.0
+    if orientation < 0.0:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
     mesh = wp.Mesh(
         points=wp.array(points.astype(np.float32), dtype=wp.vec3f, device=device),
@@ -103,7 +103,7 @@ def build_exact_collider(
     collider = kernels.MeshCollider()
     collider.mesh, collider.origin = mesh.id, wp.vec3d(*origin)
     collider.depth, collider.reach = depth, reach
-    return ExactCollider(collider, mesh, avatar, turn)
+    return ExactCollider(collider, mesh, avatar, orientation)
 
 
 def tree_bytes(avatar: Mesh) -> int:

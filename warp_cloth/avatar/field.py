@@ -1,4 +1,4 @@
-"""Bakes depth buffers into a signed distance field (SDF), which garments meet while they relax."""
+"""Bakes depth buffers into a signed distance field (SDF), which garments collide with while they relax."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from warp_cloth.kernels.avatar.field import ContactField, measure_slopes, sample
 LEAST_SPACING = 0.0025  # [m]; cost grows at least with the cube of a finer grid, and limbs are smooth at this size
 MOST_NODES = 2**28  # 1 GiB of float32, of which building takes five
 PIXELS_PER_SPACING = 2.5  # 5 mm grid from 2 mm pixels: the spline then smooths the pixels' steps
-MARGIN = 3  # spacings kept beyond reach, so that the spline's support is all real distance
+MARGIN = 3  # spacings beyond reach, so that the spline's support is all real distance
 ROUGH_SWEEPS = 5  # the projection needs 2.5 spacings and the neighbours around, at most 4.3
 GRIDS_AT_ONCE = 4  # grids of the field's size in memory at most, while it is built
 SWEEPS_PER_CHECK = 8  # sweeps between two checks whether the inside still changes
@@ -47,7 +47,7 @@ class FieldBuild:
 
     @property
     def bytes(self) -> int:
-        """Memory that look-ups read."""
+        """Memory that queries read."""
         return int(self.values.capacity)
 
     def limited_to(self, offset: float, lift: float = 0.0) -> ContactField:

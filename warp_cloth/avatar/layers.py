@@ -1,4 +1,4 @@
-"""Depth peeling: every surface that rays along three axes meet, paired into intervals inside the avatar."""
+"""Depth peeling: every surface that rays along three axes cross, paired into intervals inside the avatar."""
 
 from __future__ import annotations
 

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Indices, Mesh, Points
 
-THINNEST = 1e-3  # [m]; a part with less volume over area is a sheet: thinner than the offset that cloth keeps
+THINNEST = 1e-3  # [m]; a part with less volume over area is a sheet: thinner than the offset of cloth
 MOSTLY_OPEN = 0.75  # a part whose lids are larger than this fraction of its area is a sheet: a lock of hair, a cape
 
 
 @dataclass(frozen=True, eq=False)
 class Closing:
-    """How a surface becomes a solid: a cone over each of its holes, parts turned outwards, loose sheets left out.
+    """How a surface becomes a solid: a cone over each of its holes, parts oriented outwards, loose sheets left out.
 
     The tip of each cone is an additional vertex, the middle of the hole's rim; it follows the rim's vertices.
     """
@@ -40,7 +40,7 @@ class Closing:
         )
 
     def surface(self, mesh: Mesh) -> Mesh:
-        """The surface that cloth meets, without holes and loose sheets: distances and girths are measured on it."""
+        """The surface that cloth lies on, without holes and loose sheets: distances and girths are measured on it."""
         if not self.encloses or not (self.sheets or self.holes):
             return mesh
         used, corners = np.unique(self.triangles, return_inverse=True)
@@ -71,15 +71,15 @@ def closing_of(mesh: Mesh) -> Closing:
     area, lids = of_parts(face_area), of_parts(face_area, mesh.triangle_count)
     sheet = (np.abs(volume) <= THINNEST * area) | (lids > MOSTLY_OPEN * (area - lids))
     encloses = not sheet.all()
-    kept = ~sheet if encloses else np.ones(len(triangles), dtype=bool)
-    lid = kept & (np.arange(len(triangles)) >= mesh.triangle_count)
-    turned = np.where((volume < 0.0)[:, None], triangles[:, ::-1], triangles)[kept]
+    included = ~sheet if encloses else np.ones(len(triangles), dtype=bool)
+    lid = included & (np.arange(len(triangles)) >= mesh.triangle_count)
+    oriented = np.where((volume < 0.0)[:, None], triangles[:, ::-1], triangles)[included]
     return Closing(
-        np.ascontiguousarray(turned, dtype=np.int32),
+        np.ascontiguousarray(oriented, dtype=np.int32),
         rims,
         holes=len(np.unique(triangles[lid, 2])),
         lid_area=float(face_area[lid].sum()),
-        sheets=len(np.unique(part[~kept])),
+        sheets=len(np.unique(part[~included])),
         encloses=encloses,
     )
 

@@ -30,7 +30,7 @@ from warp_cloth.model.permutation import Permutation
 log = logging.getLogger(__name__)
 
 # Search margin (skin): how much farther than the thickness pairs are searched for, so that cloth has room to move
-# between two searches. A fraction of the edges, so that few pairs are listed that never meet, and at least two
+# between two searches. A fraction of the edges, so that few pairs are listed that never come near, and at least two
 # thicknesses.
 SKIN_OF_EDGE = 0.35
 SKIN_OF_THICKNESS = 2.0
@@ -53,7 +53,7 @@ CHECK_INTERVAL_UNTANGLING = 4
 LONGEST_WAIT, LONGEST_WAIT_SETTLED = 20, 60
 REQUEST_LIMIT = 0.01
 FORCE_BLOCKS = 384  # most blocks of a launch for contact forces: as many as a large GPU runs at a time
-MANY_MORE = 1.25  # pairs that are few stop being few only beyond so many times that number (hysteresis)
+MANY_MORE = 1.25  # pairs that were few are many only beyond this factor on their limit (hysteresis)
 LEAST_FORCE_BLOCKS = 64  # least blocks for contact forces in a launch that also moves vertices, given so many pairs
 CROSSING_COUNTS = 3  # Untangling.count; crossings are their sum
 SHIFT_FRACTION = 0.1  # of thickness and skin: longest untangling shift in an iteration
@@ -127,7 +127,7 @@ class ClothContact:
         return [*self.pair_search.kernels(), *forces, *facing]
 
     def awaken(self, state: Any) -> None:
-        """Starts contact: from now on garments meet."""
+        """Starts contact: from now on garments collide."""
         self.awake = True
         self.settled = False
         self.data.trigger.skin.fill_(self.least_skin)
@@ -222,7 +222,7 @@ class ClothContact:
         return [pairs.corners, pairs.kind, pairs.stick, pairs.due]
 
     def pair_fill(self) -> float:
-        """Number of pairs found over the list's capacity, as of ``read_pairs``."""
+        """Number of pairs found over the list's capacity, at the last ``read_pairs``."""
         found = int(self._counts.numpy()[0])
         self._set_few_pairs(found)
         return found / len(self.data.pairs.corners)
@@ -236,7 +236,7 @@ class ClothContact:
         wp.copy(self._counts, self.untangling.count, dest_offset=1, count=CROSSING_COUNTS)
 
     def crossings(self) -> int:
-        """Crossings plus vertices tangled or on the wrong side of a layer, as of ``read_crossings``."""
+        """Crossings plus vertices tangled or on the wrong side of a layer, at the last ``read_crossings``."""
         return int(self._counts.numpy()[1:].sum())
 
     def search_where_due(self, state: Any) -> None:
@@ -268,14 +268,14 @@ class ClothContact:
         self._launch_forces(self._forces, step, state)
 
     def divide_blocks(self, moving: int) -> int:
-        """How many blocks compute contact forces in a launch whose other blocks, so many, wait for them and move."""
+        """How many blocks compute contact forces in a launch whose other ``moving`` blocks wait for them."""
         self.data.blocks.move_count = moving
         cores = int(self._device.sm_count)
-        room = cores * FEW_PER_CORE - moving  # for blocks that run at the same time
+        free = cores * FEW_PER_CORE - moving  # blocks that can run at the same time
         wanted = -(-len(self.data.pairs.corners) // BLOCK_THREADS)
         if 0 < cores <= moving and self.few_pairs:  # more blocks would hold up the others on every core
             wanted = min(wanted, cores)
-        self.data.blocks.force_count = min(wanted, max(room, LEAST_FORCE_BLOCKS)) if self.awake else 0
+        self.data.blocks.force_count = min(wanted, max(free, LEAST_FORCE_BLOCKS)) if self.awake else 0
         return int(self.data.blocks.force_count)
 
     def _launch_forces(self, kernel: wp.Kernel, step: Any, state: Any) -> None:

@@ -59,7 +59,7 @@ def find_crossings(
         points: vertices [m], shape [V, 3].
         sheets: their triangles and edges.
         device: that searches.
-        items: of each garment; garments of different items never meet. None: all do.
+        items: of each garment; garments of different items do not collide. None: all do.
         every_pair: test every edge against every triangle, without a tree.
     """
     if not np.isfinite(points).all():
@@ -83,24 +83,24 @@ def find_pierced(
         position: vertices on a device [m], all finite, wp.vec3d.
         triangles: their corners, wp.vec3i.
         edges: their ends, wp.vec2i.
-        item: of each vertex; those of different items never meet.
+        item: of each vertex; those of different items do not collide.
         every_pair: as in ``find_crossings``.
     """
     with wp.ScopedDevice(position.device):
-        given = [position, edges, triangles, item]
+        inputs = [position, edges, triangles, item]
         kernel = kernels.find_every_crossing
         if not every_pair:
             kernel = kernels.find_crossings
             lower, upper = (wp.empty(len(triangles), dtype=wp.vec3f) for _ in range(2))
             group = wp.empty(len(triangles), dtype=wp.int32)
-            inputs, boxes = [position, triangles, item], [lower, upper, group]
-            wp.launch(kernels.box_triangles, dim=len(triangles), inputs=inputs, outputs=boxes)
+            boxes = [lower, upper, group]
+            wp.launch(kernels.box_triangles, dim=len(triangles), inputs=[position, triangles, item], outputs=boxes)
             tree = wp.Bvh(lower, upper, groups=group)
-            given = [tree.id, *given]
+            inputs = [tree.id, *inputs]
         capacity = FIRST_CAPACITY
         while True:
             count, crossing = wp.zeros(1, dtype=wp.int32), wp.empty(capacity, dtype=wp.vec2i)
-            wp.launch(kernel, dim=len(edges), inputs=given, outputs=[count, crossing])
+            wp.launch(kernel, dim=len(edges), inputs=inputs, outputs=[count, crossing])
             found = int(count.numpy()[0])
             if found <= capacity:
                 break

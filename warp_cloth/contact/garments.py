@@ -109,7 +109,7 @@ class GarmentCrossings:
 def worn_crossings(outfits: Sequence[Outfit], worn: Sequence[Points], device: str) -> list[GarmentCrossings]:
     """Crossings of each scene's garments at these points [m], shape [V, 3].
 
-    Garments of different scenes do not meet. For points that are not finite there are none.
+    Garments of different scenes do not collide. For points that are not finite there are none.
     """
 
     def crossings_of(outfit: Outfit, points: Points) -> GarmentCrossings:
