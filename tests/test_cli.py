@@ -236,6 +236,16 @@ def test_an_interrupt_while_the_command_is_imported_is_one_line(tmp_path: Path) 
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
 
 
+def test_a_refused_job_file_ends_in_one_line_although_workers_are_starting(tmp_path: Path) -> None:
+    (tmp_path / "jobs.csv").write_text("name,scen\na,hanging\n")
+    done = command("batch", "jobs.csv", "--device", "cpu", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.splitlines() == [
+        'error: jobs.csv: has no column "scene"; give each row a scene file or a shipped scene there'
+    ]
+    assert not (tmp_path / "out").exists()
+
+
 def test_summary_leaves_out_what_is_not_known() -> None:
     report = {
         "status": "at_rest",
