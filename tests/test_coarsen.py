@@ -31,8 +31,8 @@ def followed(found: Coarsening, values: np.ndarray) -> np.ndarray:
 def test_a_flat_square_is_carried_over_exactly(corners: np.ndarray) -> None:
     found = coarsen(rest_pattern(MESH.triangles, corners, NO_PINS), 110)
     assert found is not None
-    assert abs(len(found.kept) - 110) <= 2
-    assert followed(found, MESH.points[found.kept]) == pytest.approx(MESH.points, abs=ROUNDING)
+    assert abs(len(found.fine_vertex) - 110) <= 2
+    assert followed(found, MESH.points[found.fine_vertex]) == pytest.approx(MESH.points, abs=ROUNDING)
     place = np.pad(found.cloth.place, ((0, 0), (0, 3 - found.cloth.place.shape[1])))
     first, second, third = (place[found.cloth.triangles[:, corner]] for corner in range(3))
     areas = 0.5 * np.linalg.norm(np.cross(second - first, third - first), axis=1)
@@ -45,7 +45,7 @@ def test_pinned_vertices_stay() -> None:
     found = coarsen(rest_pattern(MESH.triangles, PANEL, pinned), 110)
     assert found is not None
     kept = np.flatnonzero(pinned)
-    carried = followed(found, np.concatenate([MESH.points, MESH.points[:, :1]], axis=1)[found.kept])[:, :3]
+    carried = followed(found, np.concatenate([MESH.points, MESH.points[:, :1]], axis=1)[found.fine_vertex])[:, :3]
     assert carried[kept] == pytest.approx(MESH.points[kept], abs=ROUNDING)
 
 
@@ -55,18 +55,18 @@ def test_a_sewn_garment_keeps_its_seams_and_loses_no_place() -> None:
     cloth = rest_pattern(mesh.triangles, mesh.texcoords, np.zeros(mesh.vertex_count, dtype=bool))
     found = coarsen(cloth, mesh.vertex_count // 4)
     assert found is not None
-    assert len(found.kept) <= 0.3 * mesh.vertex_count
-    weights = followed(found, np.ones((len(found.kept), 1)))
+    assert len(found.fine_vertex) <= 0.3 * mesh.vertex_count
+    weights = followed(found, np.ones((len(found.fine_vertex), 1)))
     assert weights == pytest.approx(np.ones_like(weights), abs=1e-9)
     seams = len(cloth.vertex) - mesh.vertex_count  # vertices with more than one place
-    assert len(found.cloth.vertex) - len(found.kept) > 0.25 * seams
+    assert len(found.cloth.vertex) - len(found.fine_vertex) > 0.25 * seams
 
 
 def test_the_same_garment_is_coarsened_the_same_way_twice() -> None:
     first, second = (coarsen(rest_pattern(MESH.triangles, PANEL, NO_PINS), 110) for _ in range(2))
     assert first is not None
     assert second is not None
-    assert (first.kept == second.kept).all()
+    assert (first.fine_vertex == second.fine_vertex).all()
     assert (first.weight == second.weight).all()
 
 

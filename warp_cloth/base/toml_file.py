@@ -16,7 +16,7 @@ else:
 
 LARGEST_FILE = 1_000_000  # [bytes]; these files are written by hand, so that a longer one is something else
 
-MENDED = {  # what the parser says of what is written most often for something else
+MENDED = {  # the parser's messages for the most frequent mistakes
     "Invalid value": 'put strings in "quotes"; true and false are lower case',
     "'\\'": "write paths with /, which works on every system",
 }

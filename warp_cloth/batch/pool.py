@@ -135,7 +135,7 @@ class WorkerSlot:
     def _lost(self, reason: str) -> Lost:
         task, self.task = self.task, None
         if task is None:
-            raise RuntimeError("an idle worker was asked for a result")
+            raise RuntimeError("an idle worker has no result")
         self.stop()
         if self.usable:
             log.warning("a worker is replaced: %s", reason)
@@ -173,7 +173,7 @@ def cannot_start(reason: str) -> InputError:
 
 
 def exit_reason(code: int | None) -> str:
-    """How a process ended, in words."""
+    """How a process ended, as text."""
     if code is None:
         return "the worker stopped answering"
     if code < 0:

@@ -47,7 +47,7 @@ class Outfit:
 
 
 class GarmentKeys(NamedTuple):
-    """Cache keys of what is made of one garment of a scene."""
+    """Cache keys of one garment of a scene."""
 
     mesh: Key
     geometry: Key  # the rest geometry, the same in every fabric

@@ -176,7 +176,7 @@ def _without_area(raw: RawMesh, work: _Work, points: Floats, rest: RestKind) -> 
 
 
 def _is_line(corners: Floats) -> NDArray[np.bool_]:
-    """Whether triangles have no height worth the name; shape [F, 3, 2 or 3]."""
+    """Whether triangles are degenerate: their height is negligible; shape [F, 3, 2 or 3]."""
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     size = np.maximum(np.abs(a).max(axis=1), np.abs(b).max(axis=1))[:, None]
     size = np.where(size > 0.0, size, 1.0)  # whose square may be beyond all numbers

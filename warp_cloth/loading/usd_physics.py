@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SURFACE = "PhysicsSurfaceDeformableSimAPI"
 COLLISION = "PhysicsCollisionAPI"
 OWN = "warpCloth:"  # namespace of what the schema cannot hold: warp and weft, the paper's quadratic law
-SAME_MASS = 1e-5  # relative: more than float32 masses and lengths of a stage are apart from what they stand for
+SAME_MASS = 1e-5  # relative: more than the rounding of a stage's float32 masses and lengths
 CONSTANTS = (
     "density",
     "youngsModulus",
@@ -208,7 +208,7 @@ def _stated_weight(prim: Usd.Prim, kilograms: float, metres: float, place: str) 
 
 
 def _stands_for(stored: float, unit: float) -> float:
-    """A float32 of a stage in SI, by the shortest number of significant digits that it may stand for."""
+    """A float32 of a stage in SI, by the shortest decimal that rounds to it."""
     value = stored * unit
     doubt = float(half_step(np.array(stored))) * unit
     digits = next((d for d in range(1, 17) if abs(float(f"{value:.{d}g}") - value) <= doubt), 17)

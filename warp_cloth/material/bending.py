@@ -28,7 +28,7 @@ DIRECTIONS = 4  # directions over 180 degrees in which cloth without directions 
 # Rounds in which neighbouring vertices equilibrate an even bend: enough for that, too few to undo the bend itself.
 # The second and third time continue from the last result.
 ROUNDS = (24, 8, 8)
-MANY, SETTLED = 1_000_000, 1e-4  # more hinges than these stop when a round takes less than this share of the energy
+MANY, SETTLED = 1_000_000, 1e-4  # more hinges than these stop when a round lowers the energy by less than this fraction
 STEP, MOMENTUM = 0.6, 0.5  # of a round: the alternating grid, the stiffest case, converges within ten
 
 

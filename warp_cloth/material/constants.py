@@ -1,8 +1,8 @@
 """Constants of edges, yarns and hinges from a fabric and a rest shape, for one material on every mesh.
 
 All in float64 on the host. How a network of edges responds to a uniform deformation depends on their directions and
-sizes. So each edge gets a share by its rest geometry, and two factors per garment, for warp and weft, are then fitted
-so that the garment, pulled uniformly along warp or weft, responds like the fabric.
+sizes. So each edge gets a constant by its rest geometry; two factors per garment, for warp and weft, are then fitted so
+that the garment, pulled uniformly along warp or weft, responds like the fabric.
 """
 
 from __future__ import annotations

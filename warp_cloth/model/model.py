@@ -20,7 +20,7 @@ from warp_cloth.kernels.base.options import Terms
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.constants import YarnConstants
 from warp_cloth.model.patches.on_device import Patches, PatchSource, device_patches
-from warp_cloth.model.upload import joined
+from warp_cloth.model.upload import upload_concatenated
 from warp_cloth.model.vertices import build_state, build_vertices
 
 
@@ -94,7 +94,7 @@ class ClothModel:
         self.forget_clearance(item)
 
     def forget_clearance(self, item: int) -> None:
-        """Has iterations look where an item's vertices meet the avatar, whatever they knew: it or they were moved."""
+        """Discards the known distances of an item's vertices to the avatar, after it or they were moved."""
         if self.state.clearance:
             self.state.clearance[self.of_item(item)].zero_()
 
@@ -138,14 +138,14 @@ def build_model(
         "rounded elements", [(each,) for each in elements], partial(elements_of, real=real), precision
     )
     terms = terms_of(garments)
-    lay = partial(joined, device=device)
+    upload = partial(upload_concatenated, device=device)
 
     edge_start = _starts([len(rest.topology.edges) for rest in rests])
     triangle_start = _starts([len(garment.triangles) for garment in garments])
     item_start = tuple(vertex_start[first] for first in _starts(list(garment_counts or [len(garments)])))
     frictions = tuple(avatar_friction or [0.0] * (len(item_start) - 1))
-    hinges, hinge_count = _hinges(types, lay, rests, vertex_start, terms.angles, cache)
-    weave = _weave(types, lay, rests, vertex_start, cache)
+    hinges, hinge_count = _hinges(types, upload, rests, vertex_start, terms.angles, cache)
+    weave = _weave(types, upload, rests, vertex_start, cache)
     patches = None
     if wp.get_device(device).is_cuda if gathers is None else gathers:
         points = [garment.points for garment in garments]
@@ -164,8 +164,8 @@ def build_model(
         avatar_friction=frictions,
         vertices=build_vertices(precision, garments, item_start, frictions, device),
         state=build_state(precision, garments, device),
-        edges=_edges(types, lay, rounded, vertex_start, triangle_start, terms),
-        triangles=_triangles(types, lay, rounded, vertex_start, edge_start, terms),
+        edges=_edges(types, upload, rounded, vertex_start, triangle_start, terms),
+        triangles=_triangles(types, upload, rounded, vertex_start, edge_start, terms),
         hinges=hinges,
         weave=weave,
         patches=patches,
@@ -175,45 +175,47 @@ def build_model(
 
 def _edges(
     types: Any,
-    lay: Any,
+    upload: Any,
     garments: Sequence[Elements],
     vertex_start: tuple[int, ...],
     triangle_start: tuple[int, ...],
     terms: Terms,
 ) -> Any:
-    """Edges of all garments; ``lay`` puts their arrays end to end on the device, as ``joined``."""
+    """Edges of all garments; ``upload`` is ``upload_concatenated`` to their device."""
     edges = types.Edges()
-    edges.ends = lay([each.ends for each in garments], wp.vec2i, starts=vertex_start)
-    edges.law = lay([each.law for each in garments], types.vec3)
+    edges.ends = upload([each.ends for each in garments], wp.vec2i, starts=vertex_start)
+    edges.law = upload([each.law for each in garments], types.vec3)
     if terms.folds:
-        edges.adjacent_triangles = lay([each.adjacent_triangles for each in garments], wp.vec2i, starts=triangle_start)
-        edges.hinge_stiffness = lay([each.hinge_stiffness for each in garments], types.real)
+        edges.adjacent_triangles = upload(
+            [each.adjacent_triangles for each in garments], wp.vec2i, starts=triangle_start
+        )
+        edges.hinge_stiffness = upload([each.hinge_stiffness for each in garments], types.real)
     if terms.angles:
-        edges.rest = lay([each.rest for each in garments], types.vec2)
+        edges.rest = upload([each.rest for each in garments], types.vec2)
     return edges
 
 
 def _triangles(
     types: Any,
-    lay: Any,
+    upload: Any,
     garments: Sequence[Elements],
     vertex_start: tuple[int, ...],
     edge_start: tuple[int, ...],
     terms: Terms,
 ) -> Any:
-    """Triangles with the arrays of the terms that there are."""
+    """Triangles of all garments, with the arrays of the terms in use."""
     triangles = types.Triangles()
-    triangles.corners = lay([each.corners for each in garments], wp.vec3i, starts=vertex_start)
+    triangles.corners = upload([each.corners for each in garments], wp.vec3i, starts=vertex_start)
     if terms.folds:
-        triangles.edges = lay([each.edges for each in garments], wp.vec3i, starts=edge_start, signed=True)
+        triangles.edges = upload([each.edges for each in garments], wp.vec3i, starts=edge_start, signed=True)
     if terms.yarns:
-        triangles.slope = lay([each.slope for each in garments], types.vec4)
-        triangles.yarns = lay([each.yarns for each in garments], types.vec4)
+        triangles.slope = upload([each.slope for each in garments], types.vec4)
+        triangles.yarns = upload([each.yarns for each in garments], types.vec4)
     return triangles
 
 
 def _hinges(
-    types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool, cache: Cache
+    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool, cache: Cache
 ) -> tuple[Any | None, int]:
     """Hinges of all garments that are stiff, and their number."""
     make = partial(_stiff_hinges, types=types, angles=angles)
@@ -221,12 +223,12 @@ def _hinges(
     count = sum(len(stiffness) for _, stiffness, _ in each)
     if not count:
         return None, 0
-    corners, stiffness, turns = zip(*each, strict=True)
+    corners, stiffness, rotations = zip(*each, strict=True)
     hinges = types.Hinges()
-    hinges.corners = lay(corners, wp.vec4i, starts=vertex_start)
-    hinges.stiffness = lay(stiffness, types.real)
+    hinges.corners = upload(corners, wp.vec4i, starts=vertex_start)
+    hinges.stiffness = upload(stiffness, types.real)
     if angles:
-        hinges.rest = lay(turns, types.vec2)
+        hinges.rest = upload(rotations, types.vec2)
     return hinges, count
 
 
@@ -236,14 +238,16 @@ def _stiff_hinges(rest: RestShape, types: Any, angles: bool) -> tuple[NDArray[An
     corners, stiffness = rest.topology.hinges, rest.hinge_stiffness
     if not used.all():
         corners, stiffness = corners[used], stiffness[used]
-    turns = None
+    rotations = None
     if angles:
         angle = rest.fold_angle[used]
-        turns = np.stack([np.cos(angle), np.sin(angle)], axis=1).astype(real)
-    return corners, stiffness.astype(real), turns
+        rotations = np.stack([np.cos(angle), np.sin(angle)], axis=1).astype(real)
+    return corners, stiffness.astype(real), rotations
 
 
-def _weave(types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], cache: Cache) -> Any | None:
+def _weave(
+    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], cache: Cache
+) -> Any | None:
     """Woven triangles of all garments."""
     woven = [(rest.yarns, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.yarns is not None]
     if not woven:
@@ -254,10 +258,10 @@ def _weave(types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple
         return np.asarray(getattr(yarns, name).astype(real))
 
     weave = types.Weave()
-    weave.corners = lay([shape.corners for shape, _ in woven], wp.vec3i, starts=[first for _, first in woven])
+    weave.corners = upload([shape.corners for shape, _ in woven], wp.vec3i, starts=[first for _, first in woven])
     for name in ("slope", "law"):
         each = [cache.get_or_make(name, (shape,), partial(packed, shape, name), types.name) for shape, _ in woven]
-        setattr(weave, name, lay(each, types.vec4))
+        setattr(weave, name, upload(each, types.vec4))
     return weave
 
 

@@ -1,4 +1,4 @@
-"""Numbers of vertices: the garments' own, or as patches own them."""
+"""Permutation of vertices: from the garments' numbers to the order in which patches own them."""
 
 from __future__ import annotations
 
@@ -11,38 +11,38 @@ from warp_cloth.base.mesh import Indices
 
 
 class Permutation:
-    """Numbers of vertices as kernels have them: the garments' own, or as patches own them.
+    """The order of vertices in the arrays of kernels: the garments', or the patches'.
 
-    ``order``: theirs in the garments, in the patches' order, shape [V]; None: they are the same, ``count`` of them.
+    ``order``: the garments' numbers of the vertices in the new order, shape [V]; None: the identity on ``count``.
     """
 
     def __init__(self, order: Indices | None, count: int = 0) -> None:
         self.order = order
         self.count = count if order is None else len(order)
         if order is not None:
-            # by the garments' numbers; the last one is of what is none
+            # new number by the garments' number; the last entry maps -1, no vertex, to itself
             self.rank = np.full(len(order) + 1, -1, dtype=np.int32)
             self.rank[order] = np.arange(len(order), dtype=np.int32)
 
     @property
     def key(self) -> bytes:
-        """What tells it from others of as many vertices."""
+        """Cache key; distinguishes permutations of equally many vertices."""
         return b"" if self.order is None else self.order.tobytes()
 
     def part(self, first: int, end: int) -> Permutation:
-        """The numbers of a garment's vertices, which lie together in both, counted from its first one."""
+        """The permutation of one garment's vertices, contiguous in both orders, numbered from its first one."""
         return Permutation(None if self.order is None else self.order[first:end] - first, end - first)
 
     def of(self, vertices: Indices) -> Indices:
-        """The numbers of the garments' vertices; -1, none, stays so."""
+        """New numbers of the garments' vertices; -1, no vertex, stays -1."""
         return vertices if self.order is None else self.rank[vertices]
 
     def rows(self, values: NDArray[Any]) -> NDArray[Any]:
-        """What the garments' vertices have, by those numbers."""
+        """Rows of the garments' vertices in the new order."""
         return values if self.order is None else values[self.order]
 
     def lists(self, start: Indices, entries: Indices) -> tuple[Indices, Indices]:
-        """Lists of entries, one for each vertex, row v of which goes from start[v] to start[v + 1]."""
+        """CSR lists of the garments' vertices in the new order; list v is entries[start[v] : start[v + 1]]."""
         if self.order is None:
             return start, entries
         counts = np.diff(start)[self.order]

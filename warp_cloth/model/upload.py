@@ -1,4 +1,4 @@
-"""Arrays of many garments end to end on a device: what several garments have alike is sent there once."""
+"""Upload of many garments' arrays, concatenated: an array that several garments share is sent to the device once."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.kernels.base.concatenate import join_pieces
 
 WORD = 4  # bytes
-WORTH = 0.8  # share of the arrays that are different, below which they are put end to end on the device
-MOST_WORDS = (1 << 31) - 1  # that a kernel tells apart
+MOST_DISTINCT = 0.8  # fraction of the arrays that are distinct, up to which the device concatenates them
+MOST_WORDS = (1 << 31) - 1  # of 32-bit indices
 
 
-def joined(
+def upload_concatenated(
     arrays: Sequence[NDArray[Any]],
     dtype: Any,
     device: str,
@@ -27,31 +27,31 @@ def joined(
     signed: bool = False,
     more: int = 0,
 ) -> wp.array:
-    """Arrays of one kind one after another on a device, and so many rows of zeros ``more``.
+    """Concatenates arrays of rows on a device.
 
     Args:
-        arrays: each of rows of the dtype; the same object may come several times.
-        dtype: Warp's, of four bytes or a multiple.
+        arrays: each of rows of the dtype; the same object may occur several times.
+        dtype: Warp's, of a multiple of four bytes.
         device: Warp's name of it.
-        starts: are added to each array's numbers.
-        signed: whether they are taken away from negative ones.
-        more: rows.
+        starts: offsets, added to the numbers of each array.
+        signed: whether offsets are subtracted from negative numbers.
+        more: number of rows of zeros appended.
     """
     distinct = {id(array): array for array in arrays}
     lengths = np.array([len(array) for array in arrays])
     row = wp.types.type_size_in_bytes(dtype) // WORD
     rows = int(lengths.sum()) + more
-    if rows * row > MOST_WORDS or not _worth_while(len(distinct), len(arrays), device):
-        return _joined_here(arrays, dtype, device, starts, signed, more)
-    return _joined_there(list(distinct.values()), arrays, lengths, dtype, device, starts, signed, more)
+    if rows * row > MOST_WORDS or not _device_is_faster(len(distinct), len(arrays), device):
+        return _concatenate_on_host(arrays, dtype, device, starts, signed, more)
+    return _concatenate_on_device(list(distinct.values()), arrays, lengths, dtype, device, starts, signed, more)
 
 
-def _worth_while(distinct: int, count: int, device: str) -> bool:
-    """Whether so many different ones of so many arrays are better put end to end on the device: memory is far there."""
-    return distinct <= WORTH * count and bool(wp.get_device(device).is_cuda)
+def _device_is_faster(distinct: int, count: int, device: str) -> bool:
+    """Whether arrays with so many distinct ones are concatenated faster on the device: copies to it take longest."""
+    return distinct <= MOST_DISTINCT * count and bool(wp.get_device(device).is_cuda)
 
 
-def _joined_here(
+def _concatenate_on_host(
     arrays: Sequence[NDArray[Any]],
     dtype: Any,
     device: str,
@@ -59,7 +59,7 @@ def _joined_here(
     signed: bool,
     more: int,
 ) -> wp.array:
-    """Put end to end on the host."""
+    """Concatenates on the host, then uploads."""
     if signed and starts is not None:
         shifted = zip(arrays, np.asarray(starts, dtype=arrays[0].dtype), strict=False)
         arrays, starts = [np.where(array < 0, array - start, array + start) for array, start in shifted], None
@@ -69,7 +69,7 @@ def _joined_here(
     return wp.array(np.ascontiguousarray(rows), dtype=dtype, device=device)
 
 
-def _joined_there(
+def _concatenate_on_device(
     distinct: Sequence[NDArray[Any]],
     arrays: Sequence[NDArray[Any]],
     lengths: NDArray[np.int64],
@@ -79,28 +79,28 @@ def _joined_there(
     signed: bool,
     more: int,
 ) -> wp.array:
-    """Sent there once each, and put end to end there."""
+    """Uploads each distinct array once, then concatenates on the device."""
     row = wp.types.type_size_in_bytes(dtype) // WORD
     sent = wp.array(np.ascontiguousarray(concatenate(distinct)), dtype=dtype, device=device)
     begin = dict(zip(map(id, distinct), np.cumsum([0, *(len(each) for each in distinct[:-1])]), strict=True))
-    pieces = np.zeros((len(arrays), 4), dtype=np.int32)
-    pieces[:, 0] = row * (np.cumsum(lengths) - lengths)
-    pieces[:, 1] = [row * begin[id(array)] for array in arrays]
-    pieces[:, 2] = row * lengths
+    segments = np.zeros((len(arrays), 4), dtype=np.int32)
+    segments[:, 0] = row * (np.cumsum(lengths) - lengths)
+    segments[:, 1] = [row * begin[id(array)] for array in arrays]
+    segments[:, 2] = row * lengths
     if starts is not None:
-        pieces[:, 3] = list(starts)[: len(arrays)]
+        segments[:, 3] = list(starts)[: len(arrays)]
     count = int(lengths.sum())
-    found = wp.empty(count + more, dtype=dtype, device=device)
+    result = wp.empty(count + more, dtype=dtype, device=device)
     if more:
-        found[count:].zero_()
-    told = wp.array(pieces, dtype=wp.vec4i, device=device)
+        result[count:].zero_()
+    uploaded = wp.array(segments, dtype=wp.vec4i, device=device)
     size = len(arrays), row * int(lengths.max())
     with keeping_kernels():
-        wp.launch(join_pieces, dim=size, inputs=[_words(sent), told, int(signed), _words(found)], device=device)
-    return found
+        wp.launch(join_pieces, dim=size, inputs=[_words(sent), uploaded, int(signed), _words(result)], device=device)
+    return result
 
 
 def _words(array: wp.array) -> wp.array:
-    """The same memory as whole numbers of four bytes."""
+    """The same memory as 32-bit integers."""
     count = wp.types.type_size_in_bytes(array.dtype) // WORD * len(array)
     return wp.array(ptr=array.ptr, dtype=wp.int32, shape=count, device=array.device, copy=False)

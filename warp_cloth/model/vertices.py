@@ -13,7 +13,7 @@ import warp as wp
 
 from warp_cloth.garment.garment import Garment
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.model.upload import joined
+from warp_cloth.model.upload import upload_concatenated
 
 CONSTANT = ("weight", "pinned", "item")
 ITERATED = ("position", "displacement", "stiffness", "compliance", "in_contact", "clearance")
@@ -29,7 +29,9 @@ def build_vertices(
     """What is constant of the vertices of all garments; ``avatar_friction`` of each item."""
     types, count = cloth_types(precision), item_start[-1]
     vertices = types.Model()
-    vertices.weight = joined([garment.rest.vertex_weight for garment in garments], types.real, device=device)
+    vertices.weight = upload_concatenated(
+        [garment.rest.vertex_weight for garment in garments], types.real, device=device
+    )
     if any(len(garment.pins) for garment in garments):
         pinned, first = np.zeros(count, dtype=np.uint8), 0
         for garment in garments:
@@ -49,7 +51,7 @@ def build_state(precision: str, garments: Sequence[Garment], device: str) -> Any
     """The vertices of all garments at rest where they are loaded."""
     types = cloth_types(precision)
     state = types.State()
-    state.position = joined([garment.points for garment in garments], types.point, device=device)
+    state.position = upload_concatenated([garment.points for garment in garments], types.point, device=device)
     state.displacement = wp.zeros(len(state.position), dtype=types.vec3, device=device)
     return state
 

@@ -63,8 +63,8 @@ def trunk_girth(mesh: Mesh, height: float) -> float:
     if not len(edges):
         raise InputError("mannequin", f"it does not reach a height of {height} m", "measure lower")
     start, end = edges // mesh.vertex_count, edges % mesh.vertex_count
-    share = (level[start] / (level[start] - level[end]))[:, None]
-    spots = (mesh.points[start] * (1 - share) + mesh.points[end] * share)[:, [0, 2]]
+    fraction = (level[start] / (level[start] - level[end]))[:, None]
+    spots = (mesh.points[start] * (1 - fraction) + mesh.points[end] * fraction)[:, [0, 2]]
     links = spot.reshape(-1, 2)
     part = np.arange(len(edges))
     for _ in range(len(edges)):

@@ -197,7 +197,7 @@ def _cap(m: TshirtMeasures, front: float, back: float) -> tuple[float, float]:
     """
 
     def crown(height: float) -> float:
-        """Half width of the front that shares out the cap as the armholes are shared."""
+        """Half width of the cap's front, so that the cap divides between front and back as the armholes do."""
         return _bisect(
             lambda w: curve_length(_half_cap(w, height)) / curve_length(_half_cap(m.bicep - w, height)) - front / back,
             0.3 * m.bicep,

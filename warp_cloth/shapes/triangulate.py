@@ -61,8 +61,8 @@ def _lattice(outline: Points, spacing: float) -> Points:
     clear = np.full(len(spots), np.inf)
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         along = end - start
-        share = np.clip((spots - start) @ along / (along @ along), 0, 1)
-        away = spots - start - share[:, None] * along
+        fraction = np.clip((spots - start) @ along / (along @ along), 0, 1)
+        away = spots - start - fraction[:, None] * along
         clear = np.minimum(clear, np.einsum("ij,ij->i", away, away))
     return spots[clear > (CLEARANCE * spacing) ** 2]
 

@@ -97,7 +97,7 @@ def _heights(form: Form, x: Values, z: float, top: float) -> Values:
 
 
 def _section_curve(half_width: float, depth: float) -> tuple[Values, Values, Values]:
-    """Quarter of a superellipse from the middle (0, depth) to the side: length so far, x, share of the depth."""
+    """Quarter of a superellipse from the middle (0, depth) to the side: arc length, x, fraction of the depth."""
     angle = np.linspace(0, math.pi / 2, 200)
     x, z = half_width * np.sin(angle) ** 0.85, np.cos(angle) ** 0.85
     step = np.hypot(np.diff(x), np.diff(z) * depth)
@@ -109,8 +109,8 @@ def _place_trunk(panel: Points, m: TshirtMeasures, trunk: _Trunk, side: float) -
     depth = trunk.front if side > 0 else trunk.back
     along, x_curve, z_curve = _section_curve(trunk.half_width, depth)
     x, y = np.abs(panel[:, 0]), panel[:, 1]
-    share = x / (m.chest / 4) * along[-1]
-    bent_x, bent_z = np.interp(share, along, x_curve), np.interp(share, along, z_curve)
+    arc = x / (m.chest / 4) * along[-1]
+    bent_x, bent_z = np.interp(arc, along, x_curve), np.interp(arc, along, z_curve)
     slope = m.shoulder_drop / (0.5 * (m.shoulder_width - m.neck_width))
     fall = slope * np.clip(x - m.neck_width / 2, 0, None)
     below = m.length - fall - y  # panel length below the shoulder line

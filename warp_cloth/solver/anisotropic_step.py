@@ -22,7 +22,7 @@ from warp_cloth.kernels.passes.anisotropic_step_packets import packet_compliance
 from warp_cloth.kernels.passes.scatter import edges_kernel
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.permutation import Permutation
-from warp_cloth.model.upload import joined
+from warp_cloth.model.upload import upload_concatenated
 from warp_cloth.solver.active_set import ActiveSet
 from warp_cloth.solver.forces import NormalsPass, pass_size, takes_packets
 
@@ -134,9 +134,9 @@ class _Gathered:
         sorted_once = dict(zip(distinct, map_in_threads(rows, distinct.values()), strict=True))
         starts, orders = zip(*(sorted_once[key] for key in keys), strict=True)
         first = np.cumsum([0, *(len(order) for order in orders)])
-        lay = partial(joined, dtype=wp.int32, device=self._model.device)
+        upload = partial(upload_concatenated, dtype=wp.int32, device=self._model.device)
         end = np.zeros(1, dtype=np.int32)
-        return lay([*starts, end], starts=first.tolist()), lay(orders, starts=(first // each).tolist())
+        return upload([*starts, end], starts=first.tolist()), upload(orders, starts=(first // each).tolist())
 
     def _numbered(self, kind: Any, elements: Any, name: str, dtype: Any) -> Any:
         """The model's edges or triangles by other numbers of their vertices."""

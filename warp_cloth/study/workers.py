@@ -104,7 +104,7 @@ class _Worker(Generic[R]):
         """The result of its job; a worker that died or hangs is replaced."""
         number, self.number = self.number, None
         if number is None:
-            raise RuntimeError("an idle worker was asked for a result")
+            raise RuntimeError("an idle worker has no result")
         try:
             if not overdue:
                 result: R = self.connection.recv()

@@ -1,1 +1,1 @@
-"""Cloth cut into patches, each for a block of threads: which elements each has, how they lie in memory."""
+"""Domain decomposition of the cloth into patches, one per block of threads: their elements and memory layout."""

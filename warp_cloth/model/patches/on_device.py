@@ -27,7 +27,7 @@ from warp_cloth.model.patches.cutting import (
 )
 from warp_cloth.model.patches.triangle_pairs import with_laws
 from warp_cloth.model.permutation import Permutation
-from warp_cloth.model.upload import joined
+from warp_cloth.model.upload import upload_concatenated
 
 PER_CORE_LAYERED = 1  # patches on each core of a large GPU, at least, where layered garments are in contact
 AT_REST_FRACTION = 0.125  # of the launched patches that may belong to finished items: their blocks end at once
@@ -116,7 +116,7 @@ def device_patches(source: PatchSource, types: Any, device: str, cache: Cache) -
 
     def packing(name: str) -> wp.array:
         """Numbers of vertices, of all garments' patches."""
-        return joined([getattr(own, name) for own in packings], wp.int32, device=device, starts=start)
+        return upload_concatenated([getattr(own, name) for own in packings], wp.int32, device=device, starts=start)
 
     tables = _tables(types, terms, device, each, laws, paired=paired)
     wide = np.zeros((len(rows), 16), dtype=np.int32)
@@ -196,11 +196,11 @@ def _tables(
 
     def laid(name: str, dtype: Any, *, more: int = 0) -> wp.array:
         """A table of all garments' patches."""
-        return joined([getattr(own, name) for own in each], dtype, device=device, more=more)
+        return upload_concatenated([getattr(own, name) for own in each], dtype, device=device, more=more)
 
     def law(name: str, dtype: Any, *, more: int = 0) -> wp.array:
         """Likewise of their laws."""
-        return joined([own[name] for own in laws], dtype, device=device, more=more)
+        return upload_concatenated([own[name] for own in laws], dtype, device=device, more=more)
 
     tables = types.Patches()
     if terms.edges or terms.folds:

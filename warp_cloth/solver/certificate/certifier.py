@@ -103,7 +103,7 @@ class Measurement:
 
 @dataclass(frozen=True, eq=False)
 class PendingMeasurement:
-    """A measurement whose figures are still on their way from the device."""
+    """A measurement whose figures are still being copied from the device."""
 
     iteration: int
     snapshots: Sequence[Snapshot]

@@ -1,4 +1,4 @@
-"""Rest error: how far a relaxing shape may still be from its rest shape, by how the distance that it covers shrinks."""
+"""Rest error: estimate of the distance to the rest shape, extrapolated from the decay of past displacements."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 # `tests/benchmarks/methods.py` tests it on others. What stands near a saddle for thousands of iterations, until
 # rounding lets it snap into another fold, cannot be seen from what moves.
 SPAN = 0.15  # fraction of the iterations so far in each of the three spans that are compared
-LEAST_SPAN = 300  # iterations; momentum needs hundreds to set soft folds moving, and till then all seems still
+LEAST_SPAN = 300  # iterations; momentum needs hundreds to set soft folds moving; until then all seems still
 SLOWEST = 0.98  # largest fraction of a span's distance that the next one is taken to cover: more is creep
 FASTEST = 0.75  # smallest such fraction: a span that happens to be quiet promises too much
 SAFETY = 3.0  # what is left of soft modes shrinks more slowly than what has been seen
@@ -58,7 +58,7 @@ class Snapshots:
             wanted = iteration - number * span
             found.append(min(self._stored, key=lambda snapshot: abs(snapshot.iteration - wanted)))
         late = [iteration, *(snapshot.iteration for snapshot in found)]
-        # measurements too far apart do not tell the spans from one another
+        # measurements too far apart do not separate the spans
         return found if all(now > before for now, before in itertools.pairwise(late)) else []
 
     def due(self, iteration: int) -> bool:

@@ -1,4 +1,4 @@
-"""Figures of each item, summed over its vertices on the device, and read without holding up the device."""
+"""Figures of each item: sums over its vertices on the device, read asynchronously."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from warp_cloth.solver.active_set import ActiveSet
 
 @dataclass(frozen=True, eq=False)
 class PendingFigures:
-    """Figures of all items on their way to the host; the next request to the same summary replaces them."""
+    """Figures of all items, copied asynchronously; the next request to the same summary overwrites them."""
 
     figures: wp.array  # in the host's memory, shape [items, COLUMNS]
     arrival: wp.Event | None  # None: they have arrived

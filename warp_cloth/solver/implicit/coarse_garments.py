@@ -88,7 +88,7 @@ def _coarse_garment(garment: Garment, pattern: Pattern, coarse: Coarsening, limp
     if rest.fabric is None:
         raise ValueError("a garment whose fabric is not known cannot be coarsened")
     row = np.repeat(np.arange(len(garment.points)), np.diff(coarse.start))
-    weight = np.bincount(coarse.index, coarse.weight * rest.vertex_weight[row], len(coarse.kept))
+    weight = np.bincount(coarse.index, coarse.weight * rest.vertex_weight[row], len(coarse.fine_vertex))
     weight = np.maximum(weight, LEAST_WEIGHT * weight.mean())
     cloth = coarse.cloth
     triangles, place = cloth.vertex[cloth.triangles], cloth.place[cloth.triangles]
@@ -99,7 +99,7 @@ def _coarse_garment(garment: Garment, pattern: Pattern, coarse: Coarsening, limp
     sides = np.linalg.norm(np.roll(place, -1, axis=1) - place, axis=2)
     fabric = limp_fabric(rest.fabric, float(weight.sum()) / math.sqrt(rest.area)) if limp else rest.fabric
     constants = constants_of(triangles, sides, weight, fabric, like)
-    points = garment.points[coarse.kept]
+    points = garment.points[coarse.fine_vertex]
     angle = fold_angles(points, constants.topology) if rest.hinge_angle is not None else None
     pins = np.flatnonzero(cloth.pinned).astype(np.int32)
     return Garment(points, triangles, replace(constants, hinge_angle=angle, corners=place), pins)

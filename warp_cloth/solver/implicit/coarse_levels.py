@@ -86,7 +86,7 @@ def _prolongations(hierarchy: Hierarchy) -> list[SparseMatrix]:
             break
         row = np.repeat(np.arange(len(cloth.pinned)), np.diff(coarsening.start))
         free = ~cloth.pinned[row] & ~coarsening.cloth.pinned[coarsening.index] & (np.abs(coarsening.weight) > SMALLEST)
-        shape = (len(cloth.pinned), len(coarsening.kept))
+        shape = (len(cloth.pinned), len(coarsening.fine_vertex))
         chain.append(SparseMatrix(row[free], coarsening.index[free].astype(np.int64), coarsening.weight[free], shape))
         cloth = coarsening.cloth
     return chain

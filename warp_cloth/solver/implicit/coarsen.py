@@ -43,8 +43,8 @@ class Coarsening:
     """A coarser garment and the prolongation to the finer one: x_fine = sum of weight * x_coarse over a row."""
 
     cloth: Pattern
-    kept: Indices  # its vertices in the finer garment
-    wedges: Indices  # its wedges in the finer garment
+    fine_vertex: Indices  # the finer garment's number of each vertex
+    wedges: Indices  # the finer garment's number of each wedge
     start: Indices  # rows of the finer garment's vertices, shape [V_fine + 1]
     index: Indices  # coarse vertices
     weight: Floats  # which add up to 1 in a row
@@ -225,7 +225,8 @@ def _collapse_round(cloth: Pattern, blocked: Flags, most: int) -> tuple[Pattern,
     """Removes up to ``most`` vertices by one round of independent collapses.
 
     Returns:
-        the pattern, the removed vertices, the three that each follows, their weights, and which cannot be removed.
+        the pattern, the removed vertices, the three that each is interpolated from, their weights, and
+        flags of vertices that cannot be removed.
     """
     adjacency = _Adjacency(cloth, len(cloth.pinned))
     chosen = _independent_vertices(adjacency, cloth, _removable(adjacency, cloth) & ~blocked)[: 2 * most]
@@ -242,10 +243,10 @@ def _collapse_round(cloth: Pattern, blocked: Flags, most: int) -> tuple[Pattern,
     winner = np.flatnonzero((score == best[owner]) & (score >= LEAST_QUALITY))
     _, first = np.unique(owner[winner], return_index=True)
     winner = winner[first][:most]
-    mine = np.isin(collapse, winner)
-    collapse, corner, wedge = collapse[mine], corner[mine], wedge[mine]
-    kept = np.isin(collapse, np.setdiff1d(winner, _conflicting(adjacency, collapse, corner, adjacency.half_to[half])))
-    collapse, corner, wedge = collapse[kept], corner[kept], wedge[kept]
+    won = np.isin(collapse, winner)
+    collapse, corner, wedge = collapse[won], corner[won], wedge[won]
+    valid = np.isin(collapse, np.setdiff1d(winner, _conflicting(adjacency, collapse, corner, adjacency.half_to[half])))
+    collapse, corner, wedge = collapse[valid], corner[valid], wedge[valid]
 
     weights = _weights(adjacency, cloth, corner, wedge)
     order = np.lexsort((-weights.min(axis=1), collapse))
@@ -304,7 +305,7 @@ def _flip_edges(cloth: Pattern, vertex_count: int) -> Pattern:
 
     new = edge_key(tips[one], tips[two])
     rounder &= ~np.isin(new, np.unique(edge_key(starts, ends))) & (cloth.vertex[tips[one]] != cloth.vertex[tips[two]])
-    # a triangle flips one edge at a time, the one that gains most, and no edge is made twice
+    # a triangle flips only the edge with the largest gain, and no edge is created twice
     gain = np.where(rounder, gain * (1.0 + 1e-9 * hash_fractions(np.arange(len(gain)))), -np.inf)
     best = np.full(len(wedges), -np.inf)
     np.maximum.at(best, one // 3, gain)
@@ -356,9 +357,9 @@ def coarsen(cloth: Pattern, target: int) -> Coarsening | None:
 
 def _renumbered(cloth: Pattern, row: Ints, col: Ints, value: Floats, count: int) -> Coarsening:
     """Numbers the coarse vertices and wedges from 0."""
-    kept = np.unique(col)
+    fine_vertex = np.unique(col)
     number = np.full(count, -1)
-    number[kept] = np.arange(len(kept))
+    number[fine_vertex] = np.arange(len(fine_vertex))
     used = np.unique(cloth.triangles)
     wedge = np.full(len(cloth.vertex), -1)
     wedge[used] = np.arange(len(used))
@@ -366,12 +367,12 @@ def _renumbered(cloth: Pattern, row: Ints, col: Ints, value: Floats, count: int)
         wedge[cloth.triangles].astype(np.int32),
         cloth.place[used],
         number[cloth.vertex[used]].astype(np.int32),
-        cloth.pinned[kept],
+        cloth.pinned[fine_vertex],
     )
     start = np.searchsorted(row, np.arange(count + 1))
     return Coarsening(
         coarse,
-        kept.astype(np.int32),
+        fine_vertex.astype(np.int32),
         used.astype(np.int32),
         start.astype(np.int32),
         number[col].astype(np.int32),

@@ -1,4 +1,4 @@
-"""The coarse level with rigid modes: which level that is, who follows whom there, and its part of an implicit step."""
+"""Coarse level with rigid modes: its choice among the levels, its prolongation, and its correction of a step."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from warp_cloth.solver.reduction import launch_blocks, launch_rows, split_into_c
 # vertices at most.
 MOST = 1_500
 FRACTION = 0.1
-FOLLOWED = 3  # coarse vertices that one follows, at most: with six, a step takes hardly more of a displacement
+FOLLOWED = 3  # coarse vertices that a vertex is interpolated from, at most; six are hardly better
 ITERATIONS = 30  # of conjugate gradients on that level
-# Factor on this level's solution in the correction. The other levels' parts overlap, and a step as long as suits them,
-# a quarter, would leave three quarters of it.
+# Factor on this level's solution in the correction. The corrections of the other levels overlap, so that they are
+# scaled by a quarter: that would leave three quarters of this one.
 WEIGHT = 4.0
-CHUNK = 32  # vertices that a block works on at a time
-SINGLE_CHUNK = 128  # or so many, where a single block does and waits for no other
+CHUNK = 32  # vertices that a block works on together
+SINGLE_CHUNK = 128  # the same where a single block has all vertices and waits for no other
 THREADS = 64  # of a block where rows are long and few
 
 
@@ -49,7 +49,7 @@ def rigid_depth(levels: Sequence[Level], vertices: int) -> int | None:
 
 
 def prolongation_over(levels: Sequence[Level], vertices: int) -> SparseMatrix:
-    """How vertices follow those of the last of these levels that any do, each no more than FOLLOWED."""
+    """Product of these levels' prolongations, truncated to the FOLLOWED largest weights of each vertex."""
     row = column = np.arange(vertices, dtype=np.int64)
     value = np.ones(vertices)
     for level in levels:
@@ -62,15 +62,15 @@ def prolongation_over(levels: Sequence[Level], vertices: int) -> SparseMatrix:
     order = np.lexsort((column, -value, row))
     size = np.bincount(row, minlength=vertices)
     rank = np.arange(len(order)) - (np.cumsum(size) - size)[row[order]]
-    kept = np.sort(order[(rank < FOLLOWED) & (value[order] > 0.0)])
-    row, column, value = row[kept], column[kept], value[kept]
+    largest = np.sort(order[(rank < FOLLOWED) & (value[order] > 0.0)])
+    row, column, value = row[largest], column[largest], value[largest]
     left = np.bincount(row, value, vertices)
     used, column = np.unique(column, return_inverse=True)
     return SparseMatrix(row, column, value * whole[row] / left[row], (vertices, len(used)))
 
 
 class RigidCorrection:
-    """Owns the level with rigid modes and solves on it what is left of a step's forces."""
+    """Owns the level with rigid modes, and solves for a step's residual on it."""
 
     def __init__(self, model: ClothModel, pairs: Indices, levels: Sequence[Level]) -> None:
         prolongation = prolongation_over(levels, model.vertex_count)
@@ -141,12 +141,12 @@ class RigidCorrection:
         return state
 
     def kernels(self) -> list[wp.Kernel]:
-        """The kernels of its own that it launches."""
+        """The kernels of this level."""
         renewal = [self._place_centres, self._assemble_blocks, self._invert_diagonal]
         return [*renewal, self._restrict_wrenches, self._solve_rigid_level, self._prolong_motion]
 
     def renew(self, coupling: wp.array, anchor: wp.array) -> None:
-        """Assembles its stiffness again: from the pairs' and from the vertices' anchors, both as vec6 [N/m]."""
+        """Assembles its stiffness from the pairs' coupling and the vertices' anchors, both vec6 [N/m]."""
         state, level, device = self._model.state, self.level, self._model.device
         self._launch(self._place_centres, self._count, [state, level])
         launch_rows(self._assemble_blocks, len(level.block_ends), [state, coupling, anchor, level], device)
@@ -162,7 +162,7 @@ class RigidCorrection:
         weight: float = WEIGHT,
         iterations: int = ITERATIONS,
     ) -> None:
-        """Adds to a solution's correction what solves its residual on this level.
+        """Adds the coarse solution for the residual to a solution's correction.
 
         Args:
             system: a kernels.implicit.system LinearSystem.
@@ -184,7 +184,7 @@ class RigidCorrection:
 
 
 def _block_sources(pairs: Indices, prolongation: SparseMatrix) -> tuple[Ints, Ints, Ints, Ints]:
-    """Blocks I <= J of coarse vertices, and what adds to each: pairs, and after them vertices by their anchors.
+    """Blocks I <= J of coarse vertices, and the sources of each: pairs, and after them vertices (their anchors).
 
     Returns:
         I and J of each block, shape [M]; then of each source its block and its number, shape [S].

@@ -93,5 +93,5 @@ def couples(owner: Ints, *, equal: bool) -> tuple[Ints, Ints]:
     first = np.cumsum(size) - size
     left = np.repeat(np.arange(len(owner)), size[owner])
     right = np.arange(len(left)) - np.repeat(np.cumsum(size[owner]) - size[owner], size[owner]) + first[owner[left]]
-    kept = left <= right if equal else left < right
-    return left[kept], right[kept]
+    selected = left <= right if equal else left < right
+    return left[selected], right[selected]
