@@ -46,11 +46,15 @@ class Cache:
         key = self.key(name, sources, *parameters)
         entry = self._entries.pop(key, None)
         if entry is None:
-            new = make()
+            new = self._derive(name, sources, make, parameters)
             entry = _Entry(new, tuple(sources), size(new))
         self._entries[key] = entry  # at the end: most recently used
         value: T = entry.value
         return value
+
+    def _derive(self, name: str, sources: Sequence[Any], make: Callable[[], T], parameters: tuple[Hashable, ...]) -> T:
+        """A value that is not cached yet; a subclass may look for it elsewhere first."""
+        return make()
 
     def get_or_make_each(
         self, name: str, sources: Sequence[tuple[Any, ...]], make: Callable[..., T], *parameters: Hashable

@@ -49,7 +49,7 @@ def toml_value(text: str) -> Any:
 
 
 def exists(path: Path) -> bool:
-    """Whether there is such a path; a name that the system cannot even look up is not there."""
+    """Whether the path exists; a name that the system refuses does not."""
     try:
         return path.exists()
     except (OSError, ValueError):

@@ -49,7 +49,7 @@ class Arena:
         return pickle.loads(parcel.pickled, buffers=[self._memory[first : first + n] for first, n in parcel.places])
 
     def _places(self, lengths: list[int]) -> tuple[tuple[int, int], ...] | None:
-        """Places for so many bytes each; None where there is not enough room."""
+        """Offset and size of blocks of these ``lengths`` [bytes]; None if they do not fit."""
         with self._used.get_lock():
             place, places = self._used.value, []
             for length in lengths:

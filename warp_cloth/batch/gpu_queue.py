@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from warp_cloth.solver.relax import Relaxation
 
-# Fraction of a relaxation's vertices that leaves room for another one on a GPU. 4,096 items: 204 a second, with 0.05
-# and 0.5 198.
+# Fraction of a relaxation's vertices still active, below which another one may start on the GPU. 4,096 items: 204 a
+# second; with 0.05 and with 0.5 198.
 FEW_ACTIVE = 0.2
 
 

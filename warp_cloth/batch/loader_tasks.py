@@ -1,4 +1,4 @@
-"""What loader processes do: load meshes, compute rest shapes and cut patches; large results go into shared memory."""
+"""Tasks of loader processes: load meshes, compute rest shapes, cut patches; large results go into shared memory."""
 
 from __future__ import annotations
 

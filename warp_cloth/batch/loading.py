@@ -1,4 +1,4 @@
-"""Loader processes: they load meshes and compute rest shapes and patches in parallel to a worker."""
+"""Loader processes: they load meshes and compute rest shapes and patches in parallel with a worker."""
 
 from __future__ import annotations
 

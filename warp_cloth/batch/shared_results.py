@@ -8,7 +8,6 @@ import hashlib
 import os
 import pickle
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -91,20 +90,11 @@ class SharedCache(Cache):
         super().__init__()
         self._folder = folder
 
-    def get_or_make(
-        self,
-        name: str,
-        sources: Sequence[Any],
-        make: Callable[[], T],
-        *parameters: Hashable,
-        size: Callable[[T], int] = lambda _: 0,
-    ) -> T:
-        folder = self._folder
-        if sources or folder is None:
-            return super().get_or_make(name, sources, make, *parameters, size=size)
-
-        file = folder / hashlib.sha256(repr((name, parameters)).encode()).hexdigest()
-        return super().get_or_make(name, sources, partial(get_or_make_shared, file, make), *parameters, size=size)
+    def _derive(self, name: str, sources: Sequence[Any], make: Callable[[], T], parameters: tuple[Hashable, ...]) -> T:
+        if sources or self._folder is None:
+            return make()
+        file = self._folder / hashlib.sha256(repr((name, parameters)).encode()).hexdigest()
+        return get_or_make_shared(file, make)
 
 
 def _bytes_in(folder: Path) -> int:

@@ -25,7 +25,7 @@ FEWEST_ROUNDS = 5
 LONG = 5.0  # [s] of iterations after which the next chunk, or the next round, is left out
 EMPTY_CHECKS = 100  # timed together
 OUTLIER = 4.0  # times the median of repeated timings: anything longer was another process
-LEAST = 0.02  # fraction of a launch's timing that counts as its own: less cannot be told from none
+LEAST = 0.02  # fraction of a launch's timing that counts as its own: less cannot be distinguished from none
 
 
 @dataclass
