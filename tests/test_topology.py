@@ -11,13 +11,13 @@ from warp_cloth.base import topology
 from warp_cloth.base.topology import ragged_rows, sorted_unique, stable_argsort
 
 
-@pytest.mark.parametrize("share", [4, 1 << 15])
+@pytest.mark.parametrize("group", [4, 1 << 15])
 @pytest.mark.parametrize("largest", [0, 1, 17, 65_535, 65_536, 2**31 - 1, 2**45])
 @pytest.mark.parametrize("count", [0, 1, 5, 3000])
 def test_the_order_is_that_of_a_stable_sort(
-    count: int, largest: int, share: int, monkeypatch: pytest.MonkeyPatch
+    count: int, largest: int, group: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(topology, "SHARE", share)
+    monkeypatch.setattr(topology, "GROUP", group)
     rng = np.random.default_rng(count)
     for kind in (np.int32, np.int64) if largest < 2**31 else (np.int64,):
         keys = rng.integers(0, largest, count, endpoint=True).astype(kind)
