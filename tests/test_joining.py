@@ -10,7 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.model import upload as joining
-from warp_cloth.model.upload import joined
+from warp_cloth.model.upload import upload_concatenated
 
 NO_GPU = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device")
 NUMBERS = np.arange(12, dtype=np.int32).reshape(4, 3)
@@ -37,8 +37,8 @@ def test_arrays_are_put_end_to_end_alike_here_and_there(
     several = [*own, own[0]]
     found = []
     for there in (False, True):
-        monkeypatch.setattr(joining, "_worth_while", lambda *_, there=there: there)
-        found.append(joined(several, dtype, device, **how).numpy())
+        monkeypatch.setattr(joining, "_device_is_faster", lambda *_, there=there: there)
+        found.append(upload_concatenated(several, dtype, device, **how).numpy())
     assert found[0].tobytes() == found[1].tobytes()
     assert len(found[0]) == sum(map(len, several)) + how.get("more", 0)
     last = several[-1].astype(found[0].dtype)
@@ -51,5 +51,5 @@ def test_arrays_are_put_end_to_end_alike_here_and_there(
 
 
 def test_different_arrays_are_put_together_on_the_host() -> None:
-    assert not joining._worth_while(9, 10, "cpu")
-    assert not joining._worth_while(1, 10, "cpu"), "where memory is the same"
+    assert not joining._device_is_faster(9, 10, "cpu")
+    assert not joining._device_is_faster(1, 10, "cpu"), "where memory is the same"
