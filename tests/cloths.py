@@ -44,11 +44,17 @@ def model_of(
     device: str = "cpu",
     gathers: bool | None = None,
     avatar_friction: float = 0.0,
+    offset: float = 0.0,
 ) -> ClothModel:
     """One garment on a device."""
     garment = Garment(mesh.points, mesh.triangles, rest, pins)
     return build_model(
-        [garment], device=device, precision=precision, gathers=gathers, avatar_friction=[avatar_friction]
+        [garment],
+        device=device,
+        precision=precision,
+        gathers=gathers,
+        avatar_friction=[avatar_friction],
+        offset=[offset],
     )
 
 

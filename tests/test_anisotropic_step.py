@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 from cloths import cloth_forces, deformed_model, grid, model_of, slopes
-from test_reaction import FRICTION, floor
+from test_reaction import FRICTION, OFFSET, floor
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Mesh
@@ -17,7 +17,7 @@ from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.math.symmetric import inverse
-from warp_cloth.kernels.passes.step import loose_way
+from warp_cloth.kernels.passes.step import compliant_descent_function
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.vertices import allocate_steps
@@ -148,7 +148,7 @@ def test_threads_drag_across_themselves_by_what_acts_there() -> None:
 
 
 SPARED = 1e-4  # of a matrix that is turned round, a millionth of its size is added: directions 20 times apart feel it
-pressed_way, SYMMETRIC = loose_way("float64"), cloth_types("float64").vec6
+compliant_descent, SYMMETRIC = compliant_descent_function("float64"), cloth_types("float64").vec6
 
 
 @wp.kernel
@@ -160,7 +160,7 @@ def find_ways(
     way_out: wp.array(dtype=wp.vec3d),
 ):
     row = wp.tid()
-    way_out[row] = pressed_way(inverse(compliance), force, own[row], stiffness)
+    way_out[row] = compliant_descent(inverse(compliance), force, own[row], stiffness)
 
 
 def test_what_is_pressed_hard_has_none() -> None:
@@ -182,7 +182,7 @@ def lying(gathers: bool = False, contact: bool = True) -> Relaxation:
     """A sheet some millimetres above a floor that wears it."""
     flat = Mesh("sheet", MESH.points[:, [0, 2, 1]] + np.array([0.0, 5e-3, 0.0]), MESH.triangles)
     rest = build_rest_shape(flat, WOVEN, rest="mesh")
-    model = model_of(flat, rest, precision="mixed", gathers=gathers, avatar_friction=FRICTION)
+    model = model_of(flat, rest, precision="mixed", gathers=gathers, avatar_friction=FRICTION, offset=OFFSET)
     relaxation = Relaxation(model, floor() if contact else Collider(), StepOptions())
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels()])
     return relaxation
@@ -192,7 +192,7 @@ def lying(gathers: bool = False, contact: bool = True) -> Relaxation:
 def test_it_is_looked_up_after_the_same_iterations_in_whatever_chunks(gathers: bool) -> None:
     def ended(chunks: list[int]) -> np.ndarray:
         relaxation = lying(gathers)
-        relaxation.loosen(np.zeros(1))
+        relaxation.update_anisotropy(np.zeros(1))
         for count in chunks:
             relaxation.run(count)
         assert not (told(relaxation.model) == [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]).all()
@@ -212,7 +212,7 @@ def test_loose_cloth_is_damped_alike_whether_it_fights_its_forces_or_not(
     state = relaxation.model.state
     state.displacement.assign(np.full((MESH.vertex_count, 3), [0.0, way, 0.0]))
     state.stiffness.fill_(1e9)  # [N/m]: forces themselves move nothing
-    relaxation.loosen(np.array([0.0 if loose else np.inf]))
+    relaxation.update_anisotropy(np.array([0.0 if loose else np.inf]))
     before = relaxation.model.points()
     relaxation.run(1)
     falling = options.momentum * (options.damping if way > 0.0 else 1.0)
@@ -222,7 +222,7 @@ def test_loose_cloth_is_damped_alike_whether_it_fights_its_forces_or_not(
 
 def test_only_cloth_that_is_worn_has_any() -> None:
     relaxation = lying(contact=False)
-    relaxation.loosen(np.zeros(1))
+    relaxation.update_anisotropy(np.zeros(1))
     assert not relaxation.model.state.compliance
     assert (relaxation.model.vertices.items.numpy()["anisotropy_limit"] == 0.0).all()
 
@@ -235,7 +235,7 @@ def test_cloth_is_loose_from_when_its_forces_balance_till_they_are_far_from_it(
 ) -> None:
     relaxation = lying()
     for residual in residuals:
-        relaxation.loosen(np.array([residual]))
+        relaxation.update_anisotropy(np.array([residual]))
     assert (relaxation.model.vertices.items.numpy()["anisotropy_limit"][0] > 0.0) == loose
 
 
@@ -245,7 +245,7 @@ def test_what_comes_to_be_held_is_slowed_as_if_it_had_become_heavier(loose: bool
     relaxation = lying(gathers)
     state = relaxation.model.state
     relaxation.model.set_points(relaxation.model.points() * [1.01, 1.0, 1.01])  # taut, so that it is compliant
-    relaxation.loosen(np.zeros(1) if loose else np.ones(1))
+    relaxation.update_anisotropy(np.zeros(1) if loose else np.ones(1))
     state.displacement.assign(np.tile([1e-3, -3e-3, 0.0], (MESH.vertex_count, 1)))  # [m]; friction halves it
     state.stiffness.fill_(1e6)  # [N/m], so that hardly anything else moves it
     before = relaxation.model.points()
@@ -261,7 +261,7 @@ def test_what_comes_to_be_held_is_slowed_as_if_it_had_become_heavier(loose: bool
 @pytest.mark.parametrize("gathers", [False, True])
 def test_it_ends_with_the_relaxation(gathers: bool) -> None:
     relaxation = lying(gathers)
-    relaxation.loosen(np.zeros(1))
+    relaxation.update_anisotropy(np.zeros(1))
     relaxation.run(20)
     relaxation.restart()
     assert relaxation.model.vertices.items.numpy()["anisotropy_limit"][0] == 0.0

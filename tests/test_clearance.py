@@ -34,7 +34,7 @@ def collider(field: FieldBuild, *, saves: bool = True) -> Collider:
     """The avatar's contact; without a steepest slope no clearance is sure."""
     data = field.limited_to(OFFSET)
     data.steepest = data.steepest if saves else 0.0
-    return Collider(field_contact, data, ContactField, OFFSET)
+    return Collider(field_contact, data, ContactField)
 
 
 @wp.kernel
@@ -84,7 +84,7 @@ def falling(field: FieldBuild, *, gathers: bool, saves: bool) -> tuple[Relaxatio
     points = points - points.mean(axis=0) + np.array([0.0, RADIUS + 0.01, 0.0])
     flat = Mesh("sheet", points, square.triangles)
     rest = build_rest_shape(flat, WOVEN, rest="mesh")
-    model = model_of(flat, rest, precision="mixed", gathers=gathers, avatar_friction=0.5)
+    model = model_of(flat, rest, precision="mixed", gathers=gathers, avatar_friction=0.5, offset=OFFSET)
     if model.patches is not None:
         model.patches.few = False  # as in large batches
     relaxation = Relaxation(model, collider(field, saves=saves), StepOptions())
@@ -106,7 +106,7 @@ def test_queries_are_saved_without_a_change_of_bits(gathers: bool) -> None:
     assert (everywhere.model.state.clearance.numpy() == 0.0).all()
     assert (saving.model.points() == everywhere.model.points()).all()
     for relaxation, saves in ((saving, True), (everywhere, False)):
-        relaxation.meet(0, collider(higher, saves=saves))  # comes nearer to what was sure to be clear
+        relaxation.set_collider(0, collider(higher, saves=saves))  # comes nearer to what was sure to be clear
         relaxation.run(60)
     assert (saving.model.points() == everywhere.model.points()).all()
     for relaxation in (saving, everywhere):

@@ -201,7 +201,7 @@ def test_cloth_on_a_body_goes_on_at_another_pace_once_forces_balance() -> None:
     falling, calm = own.momentum_on_avatar, own.momentum_balanced
     for residual, wanted in ((1.0, falling), (0.9 * balanced, calm), (2.0 * balanced, calm),
                              (1.1 * TIGHTER * balanced, falling), (2.0 * balanced, falling)):  # fmt: skip
-        relaxation.loosen(np.array([residual]))
+        relaxation.update_anisotropy(np.array([residual]))
         assert relaxation.step.momentum == pytest.approx(wanted)
 
 
@@ -215,7 +215,7 @@ def test_cloth_on_a_body_sees_forces_ahead_once_it_hardly_moves() -> None:
                            (0.9 * TIGHTER * still, Pace.STILL), (1.1 * TIGHTER * still, Pace.BALANCED),
                            (1.1 * still, Pace.BALANCED), (0.9 * resting, Pace.RESTING),
                            (0.9 * TIGHTER * resting, Pace.RESTING), (1.1 * TIGHTER * resting, Pace.STILL)):  # fmt: skip
-        relaxation.loosen(np.array([residual]))
+        relaxation.update_anisotropy(np.array([residual]))
         state = relaxation._implicit.state
         assert relaxation.pace is pace
         assert (state.step_fraction > 0.0) is (pace >= Pace.STILL)
@@ -258,7 +258,7 @@ def test_a_shape_carried_over_settles_vertex_by_vertex_on_a_body() -> None:
 def test_hanging_cloth_keeps_its_pace() -> None:
     relaxation = relaxation_of([hanging(9)])
     relaxation.run(10)
-    relaxation.loosen(np.zeros(1))
+    relaxation.update_anisotropy(np.zeros(1))
     assert relaxation.step.momentum == pytest.approx(ImplicitOptions().momentum)
 
 
@@ -269,7 +269,7 @@ def test_steps_are_captured_from_renewal_to_renewal_and_once_for_every_pace(monk
     monkeypatch.setattr(relaxation, "_iterate", lambda count: (captured.append(count), launch(count)))
     own = ImplicitOptions()
     relaxation.run(2 * own.renewal * own.iterations)
-    relaxation.loosen(np.zeros(1))
+    relaxation.update_anisotropy(np.zeros(1))
     relaxation.run(own.renewal * own.iterations)
     assert captured == [own.renewal * own.iterations]
     once = relaxation_of([hanging(9)])

@@ -139,7 +139,7 @@ def test_items_that_have_ended_leave_the_launch_and_come_back() -> None:
     everything = model.patches.count
     relaxation.run(20)
     before = model.points()
-    relaxation.retire([0, 1])
+    relaxation.deactivate([0, 1])
     assert 0 < model.patches.count < everything
     relaxation.run(20)
     moved = [not np.array_equal(model.points(item), before[model.of_item(item)]) for item in range(3)]

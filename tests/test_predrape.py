@@ -13,12 +13,12 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.batch.loading import LoadCache
 from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.memory import memory_need
-from warp_cloth.fitting import predrape as dressing
+from warp_cloth.fitting import predrape
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.garment.outfit import MeshCache, load_outfit
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.scene.predrape import FABRIC, FRICTION, ITERATIONS, dressing_of
+from warp_cloth.scene.predrape import FABRIC, FRICTION, ITERATIONS, predrape_scene_of
 from warp_cloth.solver.loop import relax_items
 
 CLOTH = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "solver.iterations=400"]
@@ -44,23 +44,23 @@ def mixture() -> list[Scene]:
 
 
 def test_what_is_dressed_alike_differs_in_fabric_friction_and_goals_only() -> None:
-    one, other = dressing_of(draped("garment.fabric=silk")), dressing_of(draped("avatar.friction=0.1"))
+    one, other = predrape_scene_of(draped("garment.fabric=silk")), predrape_scene_of(draped("avatar.friction=0.1"))
     assert one == other
     assert one is not None
     assert one.garments[0].fabric.name == FABRIC
     assert one.avatar is not None
     assert one.avatar.friction == FRICTION
     assert (one.solver.start, one.solver.iterations) == ("placed", ITERATIONS)
-    assert dressing_of(load_scene("sphere", CLOTH)) is None
+    assert predrape_scene_of(load_scene("sphere", CLOTH)) is None
 
 
 def test_a_dressed_garment_shares_its_mesh_with_the_one_that_it_is_dressed_in() -> None:
     mesh_cache = MeshCache()
     one, other = (load_outfit(draped(f"garment.fabric={fabric}"), mesh_cache) for fabric in ("silk", "denim"))
-    assert one.dressing[0] is other.dressing[0]
-    assert one.dressing[0].points is one.garments[0].points
-    assert one.dressing[0].rest.fabric != one.garments[0].rest.fabric
-    assert not load_outfit(load_scene("sphere", CLOTH), mesh_cache).dressing
+    assert one.predrape_garments[0] is other.predrape_garments[0]
+    assert one.predrape_garments[0].points is one.garments[0].points
+    assert one.predrape_garments[0].rest.fabric != one.garments[0].rest.fabric
+    assert not load_outfit(load_scene("sphere", CLOTH), mesh_cache).predrape_garments
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -85,7 +85,7 @@ def test_what_is_dressed_alike_is_dressed_once(monkeypatch: pytest.MonkeyPatch) 
         counts.append(relaxation.model.item_count)
         return relax_items(relaxation, *rest, **more)
 
-    monkeypatch.setattr(dressing, "relax_items", counted)
+    monkeypatch.setattr(predrape, "relax_items", counted)
     load_cache = LoadCache(0)
     fit_many(mixture()[:4], "cpu", together=4, load_cache=load_cache)
     assert counts == [2], "on two spheres"
@@ -113,7 +113,7 @@ def test_what_loses_itself_while_it_is_dressed_starts_as_it_is_placed(monkeypatc
     def lost(*given, **more):  # type: ignore[no-untyped-def]
         return [replace(outcome, status=Status.DIVERGED) for outcome in relax_items(*given, **more)]
 
-    monkeypatch.setattr(dressing, "relax_items", lost)
+    monkeypatch.setattr(predrape, "relax_items", lost)
     fit = warp_cloth.fit(draped("garment.fabric=silk"), device="cpu")
     placed = warp_cloth.fit(load_scene("sphere", [*CLOTH, "garment.fabric=silk"]), device="cpu")
     assert fit.report["levels"][0]["status"] == "diverged"

@@ -44,7 +44,7 @@ FRICTION = 0.5  # of the floor
 def floor(slope: float = 1.0) -> Collider:
     data = Floor()
     data.slope = slope
-    return Collider(floor_contact, data, Floor, OFFSET)
+    return Collider(floor_contact, data, Floor)
 
 
 def raised(points: np.ndarray, height: float) -> np.ndarray:
@@ -62,7 +62,7 @@ def hovering(height: float) -> Relaxation:
     """An unstrained sheet that lies so far above the offset of a floor, after a step of its weight [m]."""
     mesh = grid(4, 0.1)
     flat = Mesh("sheet", mesh.points[:, [0, 2, 1]], mesh.triangles)
-    model = model_of(flat, build_rest_shape(flat, Fabric(), rest="mesh"), avatar_friction=FRICTION)
+    model = model_of(flat, build_rest_shape(flat, Fabric(), rest="mesh"), avatar_friction=FRICTION, offset=OFFSET)
     relaxation = Relaxation(model, floor(), STILL)
     relaxation.iterate()
     model.set_points(raised(flat.points, OFFSET + height))
@@ -91,9 +91,9 @@ def test_what_is_left_of_a_force_is_what_its_next_step_moves(friction: float) ->
     """Of every vertex above the offset, of a taut net over a ball and cloth beside it: stiffness times displacement."""
     radius, noise = 0.2, np.random.default_rng(5)
     net = sphere(radius=0.5 * radius, centre=(0.0, 0.0, 0.0), edge=0.02)  # stretched to twice its size
-    model = model_of(net, build_rest_shape(net, Fabric(), rest="mesh"), avatar_friction=friction)
+    model = model_of(net, build_rest_shape(net, Fabric(), rest="mesh"), avatar_friction=friction, offset=OFFSET)
     exact = build_exact_collider(sphere(radius=radius, centre=(0.0, 0.0, 0.0), edge=0.01), "cpu")
-    relaxation = Relaxation(model, Collider(mesh_contact, exact.collider, MeshCollider, OFFSET), STILL)
+    relaxation = Relaxation(model, Collider(mesh_contact, exact.collider, MeshCollider), STILL)
     high = noise.uniform(0.0, 0.01, len(net.points)) ** 2 / 0.01  # up to 10 mm, mostly less
     before = 2.0 * net.points * (1.0 + (OFFSET + high) / radius)[:, None] + noise.normal(0.0, 2e-4, net.points.shape)
     for _ in range(2):  # the first step finds the stiffness
@@ -118,7 +118,7 @@ def hanging_on(slope: float, sideways: float = 0.0) -> Relaxation:
     points = np.array([[0.0, OFFSET + 1e-3, 0.0], [sideways, -0.1, 0.0]])
     rest = bare_rest(points, edges=[[0, 1]], length=[0.05], pull=4e4, weight=1e-3)
     mesh = Mesh("thread", points, np.zeros((0, 3), dtype=np.int32))
-    model = model_of(mesh, rest, pins=np.array([1], dtype=np.int32), avatar_friction=FRICTION)
+    model = model_of(mesh, rest, pins=np.array([1], dtype=np.int32), avatar_friction=FRICTION, offset=OFFSET)
     relaxation = Relaxation(model, floor(slope), StepOptions())
     relaxation.iterate(2000)
     return relaxation
@@ -143,7 +143,7 @@ def test_a_taut_vertex_beyond_the_cone_of_friction_is_not_held() -> None:
     rest = bare_rest(points, edges=[[0, 1]], length=[0.05], pull=4e4, weight=1e-6)
     mesh = Mesh("thread", points, np.zeros((0, 3), dtype=np.int32))
     for lifted in (0.0, 2.0 * CONTACT_SLACK):
-        model = model_of(mesh, rest, pins=np.array([1], dtype=np.int32), avatar_friction=FRICTION)
+        model = model_of(mesh, rest, pins=np.array([1], dtype=np.int32), avatar_friction=FRICTION, offset=OFFSET)
         relaxation = Relaxation(model, floor(), STILL)
         relaxation.iterate()
         model.set_points(raised(points, lifted))
@@ -155,7 +155,7 @@ def test_the_direct_rule_holds_what_stands_in_the_offset_only() -> None:
     mesh = grid(4, 0.1)
     flat = Mesh("sheet", mesh.points[:, [0, 2, 1]], mesh.triangles)
     for height, left_over in ((0.5 * CONTACT_SLACK, 0.0), (2.0 * CONTACT_SLACK, 1.0)):
-        model = model_of(flat, build_rest_shape(flat, Fabric(), rest="mesh"), avatar_friction=FRICTION)
+        model = model_of(flat, build_rest_shape(flat, Fabric(), rest="mesh"), avatar_friction=FRICTION, offset=OFFSET)
         model.set_points(raised(flat.points, OFFSET + height))
         residual, _push = residual_and_push(Relaxation(model, floor(), StepOptions(method="direct")))
         assert np.allclose(residual[:, 0], left_over, atol=ROUNDING)

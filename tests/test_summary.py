@@ -18,7 +18,7 @@ def test_selected_items_are_where_they_are_now() -> None:
     before = made.certifier.measure(0).boxes
     for item in range(3):
         made.model.set_points(made.model.points(item) + np.array([0.0, 0.1 * (item + 1), 0.0]), item)
-    made.relaxation.retire([2])
+    made.relaxation.deactivate([2])
     found = read_bounds(made.certifier.request_bounds([1, 2]))
     np.testing.assert_allclose(found[1] - before[1], [[0.0, 0.2, 0.0]] * 2, atol=1e-12)
     np.testing.assert_array_equal(found[[0, 2]], before[[0, 2]])

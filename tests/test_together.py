@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 from cloths import grid, model_of
-from test_reaction import FRICTION, floor
+from test_reaction import FRICTION, OFFSET, floor
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.errors import InputError
@@ -55,11 +55,11 @@ def relaxed(
     rest = build_rest_shape(mesh, fabric, rest="mesh")
     rest.fold_angle[...] = fold
     pins = np.array([0, SIDE], dtype=np.int32) if not contact else np.zeros(0, dtype=np.int32)
-    model = model_of(mesh, rest, precision="mixed", pins=pins, avatar_friction=FRICTION)
+    model = model_of(mesh, rest, precision="mixed", pins=pins, avatar_friction=FRICTION, offset=OFFSET)
     relaxation = Relaxation(model, floor() if contact else Collider(), StepOptions(threads=threads))
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels()])
     for residual, chunks in ((1.0, [20, 20, 20]), (0.0, [20, 20, 7, 20, 13]), (1.0, [20, 3])):
-        relaxation.loosen(np.array([residual]))
+        relaxation.update_anisotropy(np.array([residual]))
         for count in chunks:
             relaxation.run(count)
     return relaxation

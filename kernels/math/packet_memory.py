@@ -305,7 +305,7 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
         array[places[first][0]] = array[places[first][0]]
 
     @wp.func_native(_ADD_PAIRS % {"real": _name, "transposed": " ".join(_transposed)})
-    def add_packet_pairs(
+    def add_packet_pairs(  # ten arguments: C++ takes packets only one by one
         array: wp.array(dtype=_alone.vec4),
         places: wp.array(dtype=wp.vec3i),
         first: int,

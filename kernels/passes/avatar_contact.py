@@ -56,23 +56,23 @@ def query_function(options: KernelOptions, saves_queries: bool, prefetched: bool
         push = vertex.item.offset - at[3] + lift
         if wp.static(saves_queries):
             state.clearance[vertex.index] = field_clearance(collider, place, at[3], vertex.item.offset)
-        kept = move
+        inertial = move
         if push > 0.0:
             move = pushed_move(at, push, move, vertex.item)
-            kept = move
+            inertial = move
             if wp.static(options.anisotropic):
                 if wp.static(prefetched):
                     if anisotropic:
                         before = compliance
                         if wp.static(options.cloth_contact):
                             before = state.compliance[vertex.index]
-                        kept = transferred(before, multiple_of_unit(real(1.0)), move)
+                        inertial = transferred(before, multiple_of_unit(real(1.0)), move)
                 else:
                     if vertex.item.anisotropy_limit > real(0.0) and state.in_contact[vertex.index] == wp.uint8(0):
-                        kept = transferred(state.compliance[vertex.index], multiple_of_unit(real(1.0)), move)
+                        inertial = transferred(state.compliance[vertex.index], multiple_of_unit(real(1.0)), move)
         if wp.static(options.anisotropic):
             state.in_contact[vertex.index] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
-        return move, kept
+        return move, inertial
 
     return query_avatar
 

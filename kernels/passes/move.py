@@ -152,8 +152,8 @@ def displace_kernel(options: KernelOptions) -> wp.Kernel:
         known = prefetch(state, colliders, contact, index, wp.vec3d(position), item_index, item)
         if free(model, index):
             vertex = read_vertex(model, state, index, item_index, item)
-            move, kept, stiffness = vertex_displacement(state, step, colliders, contact, known, load, vertex)
-            state.displacement[index] = kept
+            move, inertial, stiffness = vertex_displacement(state, step, colliders, contact, known, load, vertex)
+            state.displacement[index] = inertial
             state.position[index] = vertex.position + point(move)
             if wp.static(options.accelerated):
                 state.stiffness[index] = stiffness
@@ -183,12 +183,12 @@ def move_function(options: KernelOptions) -> wp.Function:
         vertex: Vertex,
     ):
         """Where a vertex is then, its displacement and what of that has momentum; a pinned one stays."""
-        move, kept = vec3(), vec3()
+        move, inertial = vec3(), vec3()
         if vertex.free:
-            move, kept, stiffness = vertex_displacement(state, step, colliders, contact, known, load, vertex)
+            move, inertial, stiffness = vertex_displacement(state, step, colliders, contact, known, load, vertex)
             if wp.static(options.accelerated):
                 put(state.stiffness, vertex.index, stiffness)
-        return vertex.position + point(move), move, kept
+        return vertex.position + point(move), move, inertial
 
     return move_vertex
 
@@ -289,8 +289,8 @@ def _advance_kernel(options: KernelOptions) -> wp.Kernel:
             if wp.static(cloth_contact):
                 known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
                 iteration, path = load_bounds(contact, index)
-            position, move, kept = move_vertex(state, step, colliders, contact, known, load, vertex)
-            put_displacement(displacement_out, index, kept)
+            position, move, inertial = move_vertex(state, step, colliders, contact, known, load, vertex)
+            put_displacement(displacement_out, index, inertial)
             put_position(position_out, index, position)
             if wp.static(cloth_contact):
                 note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)
@@ -365,8 +365,8 @@ def _advance_pressing_kernel(options: KernelOptions) -> wp.Kernel:
         came = await_blocks(contact.blocks.done, contact.blocks.force_count)
         if local < patch.owned_count:
             iteration, path = load_bounds(contact, index)
-            position, move, kept = move_vertex(state, step, colliders, contact, known, load, vertex)
-            put_displacement(displacement_out, index, kept)
+            position, move, inertial = move_vertex(state, step, colliders, contact, known, load, vertex)
+            put_displacement(displacement_out, index, inertial)
             put_position(position_out, index, position)
             note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)
         leave_blocks(contact.blocks.done, contact.blocks.force_count, contact.blocks.move_count, came)
@@ -432,8 +432,8 @@ def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
             iteration, path = int(0), wp.int64(0)
             if wp.static(cloth_contact):
                 iteration, path = load_bounds(contact, index)
-            position, move, kept = move_vertex(state, step, colliders, contact, known, load, vertex)
-            put_displacement(displacement_out, index, kept)
+            position, move, inertial = move_vertex(state, step, colliders, contact, known, load, vertex)
+            put_displacement(displacement_out, index, inertial)
             put_position(position_out, index, position)
             if wp.static(cloth_contact):
                 note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)

@@ -26,10 +26,10 @@ from warp_cloth.kernels.passes.avatar_contact import LONGER, STEP, query_functio
 from warp_cloth.kernels.passes.step import (
     AHEAD,
     colliders_type,
+    descent_function,
     momentum_function,
     saves_queries,
     swings_evenly,
-    way_function,
 )
 
 WIDTH = wp.constant(EIGHT)
@@ -49,14 +49,14 @@ _UNPINNED = """
 _LOOSE = """
     wp::vec_t<8, %s> loose;
     for (int lane = 0; lane < 8; ++lane)
-        loose.c[lane] = held.data[first + lane] == 0;
+        loose.c[lane] = in_contact.data[first + lane] == 0;
     return loose;
 """
 _FAR = """
     int lanes = 0;
     float left[8];
     for (int lane = 0; lane < 8; ++lane)
-        left[lane] = clear.data[first + lane] - (longer * (wp::float32)way.c[lane] + step);
+        left[lane] = clear.data[first + lane] - (longer * (wp::float32)displacement.c[lane] + step);
     for (int lane = 0; lane < 8; ++lane)
         lanes |= (left[lane] > 0.0f) << lane;
     lanes &= which;
@@ -98,13 +98,18 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
     _one = lane_types(_real, EIGHT).real
 
     @wp.func_native(_LOOSE % _name)
-    def loose_lanes(like: _one, held: wp.array(dtype=wp.uint8), first: int) -> _one:
+    def loose_lanes(like: _one, in_contact: wp.array(dtype=wp.uint8), first: int) -> _one:
         """1 for those of eight vertices that nothing holds, else 0."""
-        return held[first]
+        return in_contact[first]
 
     @wp.func_native(_FAR)
     def far_lanes(
-        clear: wp.array(dtype=wp.float32), first: int, which: int, way: _one, longer: wp.float32, step: wp.float32
+        clear: wp.array(dtype=wp.float32),
+        first: int,
+        which: int,
+        displacement: _one,
+        longer: wp.float32,
+        step: wp.float32,
     ) -> int:
         """Bits of those ``which`` of eight vertices that surely meet nothing on their way [m], and are less clear."""
         clear[first] = clear[first]
@@ -119,25 +124,25 @@ def eight_displace_kernel(options: KernelOptions) -> wp.Kernel:
     real, vec3, vec4, vec6, Model, State = types.real, types.vec3, types.vec4, types.vec6, types.Model, types.State
     Step, Item = types.Step, types.Item
     worn, spares, Vertex = options.anisotropic, saves_queries(options), types.Vertex
-    force_way = way_function(precision, swings_evenly(options), lanes=EIGHT)
-    kept_share = momentum_function(precision, swings_evenly(options))
+    force_descent = descent_function(precision, swings_evenly(options), lanes=EIGHT)
+    momentum_and_damping = momentum_function(precision, swings_evenly(options))
     Colliders = colliders_type(avatar_contact, collider_type)
     query_avatar = None if avatar_contact is None else query_function(options, spares, prefetched=False)
 
     @wp.func
     def own_moves(model: Model, state: State, step: Step, load: packets.vec4, first: int, item: Item):
         """Displacements of eight vertices by their forces, and the stiffness that they go by."""
-        force, way, stiffness, kept = force_way(
+        force, descent, stiffness, momentum_ratio = force_descent(
             step, load, load_packet(model.weight, first), load_packet(state.stiffness, first), item
         )
         if wp.static(worn):
             if item.anisotropy_limit > real(0.0):
-                loose = loose_lanes(kept, state.in_contact, first)
-                further = symmetric_times(load_packet(state.compliance, first), way)
-                way = where_greater(loose, packets.real(real(0.0)), further, way)
+                loose = loose_lanes(momentum_ratio, state.in_contact, first)
+                further = symmetric_times(load_packet(state.compliance, first), descent)
+                descent = where_greater(loose, packets.real(real(0.0)), further, descent)
         last = load_packet(state.displacement, first)
-        momentum, damping = kept_share(step, item)
-        return accelerated_displacement(force, way, last, kept * momentum, damping, item.cap), stiffness
+        momentum, damping = momentum_and_damping(step, item)
+        return accelerated_displacement(force, descent, last, momentum_ratio * momentum, damping, item.cap), stiffness
 
     @wp.func
     def met_moves(state: State, collider: collider_type, first: int, lanes: int, moves: packets.vec3, item: Item):
@@ -158,10 +163,10 @@ def eight_displace_kernel(options: KernelOptions) -> wp.Kernel:
             near_one.index = vertex
             near_one.item = item
             near_one.position = element(state.position, vertex)
-            move, kept = query_avatar(state, collider, False, vec6(), float(0.0), near_one, move)
+            move, inertial = query_avatar(state, collider, False, vec6(), float(0.0), near_one, move)
             for axis in range(3):
                 met[WIDTH * axis + lane] = move[axis]
-                momentum[WIDTH * axis + lane] = kept[axis]
+                momentum[WIDTH * axis + lane] = inertial[axis]
             near &= near - 1
         return met, momentum
 

@@ -126,13 +126,13 @@ def saves_queries(options: KernelOptions) -> bool:
 
 
 @functools.cache
-def loose_way(precision: str) -> wp.Function:
+def compliant_descent_function(precision: str) -> wp.Function:
     """The function that tells how far a force takes a vertex that has compliance."""
     types = cloth_types(precision)
     real, vec3, vec6 = types.real, types.vec3, types.vec6
 
     @wp.func
-    def pressed_way(stiff: vec6, force: vec3, own: real, stiffness: real):
+    def compliant_descent(stiff: vec6, force: vec3, own: real, stiffness: real):
         """Displacement (k L^-1 + (s - k) I)^-1 f: L is the compliance of the cloth's ``own`` part k of the stiffness s.
 
         ``stiff`` is L^-1. What presses, and what was stiff before, is so in all directions: a vertex pressed hard has
@@ -141,7 +141,7 @@ def loose_way(precision: str) -> wp.Function:
         share = wp.min(own, stiffness)
         return symmetric_times(bounded_inverse(stiff * share + multiple_of_unit(stiffness - share)), force)
 
-    return pressed_way
+    return compliant_descent
 
 
 def swings_evenly(options: KernelOptions) -> bool:
@@ -150,15 +150,15 @@ def swings_evenly(options: KernelOptions) -> bool:
 
 
 @functools.cache
-def way_function(precision: str, steady: bool, lanes: int = 1) -> wp.Function:
-    """The function ``force_way`` of the accelerated step, of a vertex or a packet; ``steady``: of swings_evenly."""
+def descent_function(precision: str, steady: bool, lanes: int = 1) -> wp.Function:
+    """The function ``force_descent`` of the accelerated step, of a vertex or a packet; ``steady``: of swings_evenly."""
     types, shapes = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     real, Step, Item = types.real, types.Step, types.Item
     one, vec4 = shapes.real, shapes.vec4
 
     @wp.func
-    def force_way(step: Step, load: vec4, weight: one, last: one, item: Item):
-        """Force [N], its way over the stiffness [m], this [N/m], and the share of the last displacement to keep.
+    def force_descent(step: Step, load: vec4, weight: one, last: one, item: Item):
+        """Force [N], that over the stiffness [m], this [N/m], and the share of momentum that its growth leaves.
 
         ``last``: the stiffness that the last step went by.
         """
@@ -167,12 +167,12 @@ def way_function(precision: str, steady: bool, lanes: int = 1) -> wp.Function:
         memory = step.memory
         if wp.static(steady):
             memory = wp.where(item.anisotropy_limit > real(0.0), memory, step.memory_falling)
-        stiffness, kept = step_stiffness(component(load, 3), weight, last, item.cap, memory)
+        stiffness, momentum_ratio = step_stiffness(component(load, 3), weight, last, item.cap, memory)
         if wp.static(steady):
-            kept = root(kept)
-        return force, force * (one(real(1.0)) / stiffness), stiffness, kept
+            momentum_ratio = root(momentum_ratio)
+        return force, force * (one(real(1.0)) / stiffness), stiffness, momentum_ratio
 
-    return force_way
+    return force_descent
 
 
 @functools.cache
@@ -187,7 +187,7 @@ def momentum_function(precision: str, steady: bool) -> wp.Function:
     real, Step, Item = types.real, types.Step, types.Item
 
     @wp.func
-    def kept_share(step: Step, item: Item):
+    def momentum_and_damping(step: Step, item: Item):
         """Share of a displacement that is kept, and its factor where it fights the force."""
         momentum, damping = real(step.momentum), real(step.damping)
         if wp.static(steady):
@@ -195,7 +195,7 @@ def momentum_function(precision: str, steady: bool) -> wp.Function:
             damping = wp.where(item.anisotropy_limit > real(0.0), real(1.0), step.damping)
         return momentum, damping
 
-    return kept_share
+    return momentum_and_damping
 
 
 @functools.cache
@@ -203,9 +203,12 @@ def free_displacement_function(options: KernelOptions) -> wp.Function:
     """The function that turns a load into a displacement where nothing is met."""
     types = cloth_types(options.precision)
     real, vec3, vec4, Vertex, Step = types.real, types.vec3, types.vec4, types.Vertex, types.Step
-    steady, pressed_way = swings_evenly(options), loose_way(options.precision)
+    steady, compliant_descent = swings_evenly(options), compliant_descent_function(options.precision)
     Prefetched = prefetched_type(options)
-    force_way, kept_share = way_function(options.precision, steady), momentum_function(options.precision, steady)
+    force_descent, momentum_and_damping = (
+        descent_function(options.precision, steady),
+        momentum_function(options.precision, steady),
+    )
 
     @wp.func
     def free_displacement(step: Step, known: Prefetched, load: vec4, pressed: real, vertex: Vertex):
@@ -214,18 +217,20 @@ def free_displacement_function(options: KernelOptions) -> wp.Function:
         move = vec3()
         stiffness = real(0.0)
         if wp.static(options.accelerated):
-            force, way, stiffness, kept = force_way(step, load, weight, vertex.stiffness, vertex.item)
+            force, descent, stiffness, momentum_ratio = force_descent(step, load, weight, vertex.stiffness, vertex.item)
             if wp.static(options.anisotropic):
                 # what contact and friction hold is held alike in all directions
                 if wp.static(options.cloth_contact):
                     if known.anisotropic:
                         own = load[3] - pressed + weight / vertex.item.cap
-                        way = pressed_way(known.inverse_compliance, force, own, stiffness)
+                        descent = compliant_descent(known.inverse_compliance, force, own, stiffness)
                 else:
                     if known.anisotropic:
-                        way = symmetric_times(known.compliance, way)
-            momentum, damping = kept_share(step, vertex.item)
-            move = accelerated_displacement(force, way, vertex.displacement, momentum * kept, damping, vertex.item.cap)
+                        descent = symmetric_times(known.compliance, descent)
+            momentum, damping = momentum_and_damping(step, vertex.item)
+            move = accelerated_displacement(
+                force, descent, vertex.displacement, momentum * momentum_ratio, damping, vertex.item.cap
+            )
         else:
             force = scaled_sum(step.gravity, weight, vec3(load[0], load[1], load[2]))
             move = direct_displacement(force, weight, vertex.item.cap)
@@ -270,15 +275,15 @@ def displacement_function(options: KernelOptions) -> wp.Function:
         move, stiffness = free_displacement(step, known, load, pressed, vertex)
         if wp.static(cloth_contact):
             move += shift
-        kept = move
+        inertial = move
         if wp.static(meets_avatar):
             if wp.static(cloth_contact):
-                move, kept = meet_avatar(state, known.collider, known, lift, vertex, move)
+                move, inertial = meet_avatar(state, known.collider, known, lift, vertex, move)
             else:
-                move, kept = meet_avatar(state, colliders[vertex.item_index], known, lift, vertex, move)
+                move, inertial = meet_avatar(state, colliders[vertex.item_index], known, lift, vertex, move)
         if wp.static(cloth_contact):
-            move, kept = capped(move, limit), capped(kept, limit) - shift
-        return move, kept, stiffness
+            move, inertial = capped(move, limit), capped(inertial, limit) - shift
+        return move, inertial, stiffness
 
     return vertex_displacement
 

@@ -173,7 +173,7 @@ def run_on(case: Case, wanted: FitOptions, other: Problem, problem: Problem) -> 
         other.relaxation.start_near_rest()
         method = "multilevel"
     if case.kind == "ball":
-        other.relaxation.meet(0, other.contact.reused_from(problem.contact, points))
+        other.relaxation.set_collider(0, other.contact.reused_from(problem.contact, points))
     most = BEYOND_LIMIT[method] if wanted.limit is None else wanted.limit
 
     def show(check: Check, seconds: float) -> None:

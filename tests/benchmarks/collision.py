@@ -219,7 +219,7 @@ def microseconds(made: Sequence[Problem]) -> list[float]:
     """Medians of an iteration's time in each set-up, which take turns."""
     for one in made:
         one.relaxation.restart()
-        one.relaxation.loosen(np.zeros(1))  # as worn cloth iterates
+        one.relaxation.update_anisotropy(np.zeros(1))  # as worn cloth iterates
         one.relaxation.run(10 * CHUNK)
 
     def timed(one: Problem) -> float:

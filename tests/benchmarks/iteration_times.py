@@ -63,7 +63,7 @@ def relaxation_of(fabric: str, size: str, device: str) -> Relaxation:
         if fabric == "loose":
             for _ in range(FALLING // CHUNK):
                 relaxation.run(CHUNK)
-            relaxation.loosen(np.zeros(count))
+            relaxation.update_anisotropy(np.zeros(count))
         return relaxation
     side, count = SIZES[size]
     mesh = (irregular if fabric == "irregular" else partial(square, plane="vertical"))(vertices_per_side=side)

@@ -54,7 +54,7 @@ def main() -> None:
             assert isinstance(relaxation, MultilevelRelaxation)
             relaxation.run(CHUNK)
             for pace, residual in RESIDUALS.items():
-                relaxation.loosen(np.array([residual]))
+                relaxation.update_anisotropy(np.array([residual]))
                 for _ in range(WARMING):
                     relaxation.run(CHUNK)
                 launches = len(launches_of(lambda: relaxation.iterate(CHUNK))) / CHUNK  # noqa: B023 - called at once

@@ -67,7 +67,7 @@ def several(
         if points is not None:
             problem.model.set_points(points, item)
             if not problem.contacts[item].covers(points):
-                problem.relaxation.meet(item, problem.contacts[item].collider(points))
+                problem.relaxation.set_collider(item, problem.contacts[item].collider(points))
     return problem
 
 

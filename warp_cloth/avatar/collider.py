@@ -15,4 +15,3 @@ class Collider:
     avatar_contact: wp.Function | None = None  # (data, world position [m]) -> (unit normal, signed distance [m])
     data: Any = None  # struct that the function reads
     data_type: Any = None  # that struct's type
-    offset: float = 0.0  # contact offset [m]

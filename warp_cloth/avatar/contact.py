@@ -173,7 +173,7 @@ class AvatarContact:
         self._built = exact
         report: dict[str, Any] = {"buffers": [], "triangles": avatar.triangle_count, **self._repairs()}
         self._report = _LazyReport(lambda: report)
-        return self._collider(mesh_contact, exact.collider, MeshCollider)
+        return Collider(mesh_contact, exact.collider, MeshCollider)
 
     def _audited_collider(self, avatar: Mesh, points: Points, lower: Points, upper: Points) -> Collider:
         """Draws over a box [m], for "auto" finer and finer until the error is small enough, or a grid too large."""
@@ -228,7 +228,7 @@ class AvatarContact:
         self._built, self._drawings, self.builds = earlier._built, earlier._drawings, earlier.builds
         self._rejected = earlier._rejected
         self._lower, self._upper, self._report = earlier._lower, earlier._upper, earlier._report
-        return self._collider(field_contact, field.limited_to(self._options.offset, self._lift), ContactField)
+        return Collider(field_contact, field.limited_to(self._options.offset, self._lift), ContactField)
 
     def move(self, avatar: Points, cloth: Points) -> Points:
         """Moves the avatar's vertices to these positions [m]; the next collider is built from them.
@@ -313,14 +313,11 @@ class AvatarContact:
         if self._options.kind == "plain" and isinstance(buffers, DepthBuffers):
             plain = buffers.plain(self._reach)
             self._built = (buffers, plain)
-            return self._collider(plain_contact, plain.solid, DepthSolid)
+            return Collider(plain_contact, plain.solid, DepthSolid)
         field = build_contact_field(buffers, reach=self._reach)
         self._built = (buffers, field)
         log.info("contact field of %s nodes", " x ".join(str(count) for count in field.values.shape))
-        return self._collider(field_contact, field.limited_to(self._options.offset, self._lift), ContactField)
-
-    def _collider(self, function: wp.Function, data: Any, data_type: Any) -> Collider:
-        return Collider(function, data, data_type, self._options.offset)
+        return Collider(field_contact, field.limited_to(self._options.offset, self._lift), ContactField)
 
     def _repairs(self) -> dict[str, Any]:
         """What was done to the avatar's surface, for the report."""

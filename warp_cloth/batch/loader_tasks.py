@@ -33,7 +33,7 @@ from warp_cloth.garment.rest import RestShape, in_geometry, own_constants, sheet
 from warp_cloth.kernels.base.options import block_for
 from warp_cloth.model.patches.cutting import garment_patches, takes_pairs
 from warp_cloth.scene import Scene
-from warp_cloth.scene.predrape import dressing_of
+from warp_cloth.scene.predrape import predrape_scene_of
 
 if TYPE_CHECKING:
     from warp_cloth.material.fabric import Fabric
@@ -106,9 +106,9 @@ def orders_of(mesh_cache: MeshCache, scenes: Sequence[Scene], patches: bool) -> 
                 orders[recipe.key] = Order(recipe, body=generated_body(scene))
         for index in range(len(scene.garments)):
             keys = garment_keys(scene, index)
-            if keys.geometry not in predraped and (dressing := dressing_of(scene)) is not None:
+            if keys.geometry not in predraped and (predrape_scene := predrape_scene_of(scene)) is not None:
                 predraped.add(keys.geometry)
-                add(dressing, index, garment_keys(dressing, index))
+                add(predrape_scene, index, garment_keys(predrape_scene, index))
             add(scene, index, keys)
     return list(orders.values())
 

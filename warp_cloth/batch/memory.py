@@ -33,7 +33,7 @@ class MemoryNeed:
     """Upper bound of the device memory of one scene [bytes]."""
 
     own: int  # of its garments
-    shared: int  # of its avatar and of dressing its garments, allocated once for all scenes of the same ``key``
+    shared: int  # of its avatar and of the predrape, allocated once for all scenes of the same ``key``
     key: Hashable
     transient: int = 0  # while the avatar is built, one avatar after another
 

@@ -30,7 +30,7 @@ def load_kernels(scene: Scene, device: str) -> None:
         outfit = load_outfit(small)
         problem = build_problem([small] * MANY, [outfit] * MANY, device)
         for balanced in (False, True):
-            problem.relaxation.loosen(np.full(MANY, 0.0 if balanced else np.inf))
+            problem.relaxation.update_anisotropy(np.full(MANY, 0.0 if balanced else np.inf))
             problem.relaxation.run(CHUNK)
             problem.certifier.measure(CHUNK)
             problem.certifier.take_snapshot(CHUNK)

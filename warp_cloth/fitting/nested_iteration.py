@@ -67,6 +67,7 @@ def start_from_coarse(
             device=relaxation.model.device,
             precision=relaxation.model.precision,
             avatar_friction=relaxation.model.avatar_friction,
+            offset=relaxation.model.offset,
         )
         model.set_points(points)
         collider = relaxation.collider if tracker is None else tracker.collider
@@ -87,7 +88,7 @@ def start_from_coarse(
     if runs[-1].status is not Status.DIVERGED:
         relaxation.start_near_rest()
     if tracker is not None and tracker.collider is not relaxation.collider:
-        relaxation.meet(0, tracker.collider)
+        relaxation.set_collider(0, tracker.collider)
     return tuple(runs)
 
 

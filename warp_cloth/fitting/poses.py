@@ -74,11 +74,11 @@ def follow_poses(
         for step in range(1, count + 1):
             cloth = contact.move(start + step / count * (end - start), relaxation.model.points())
             _place(relaxation.model, cloth)
-            relaxation.meet(0, contact.collider(cloth, audited=False))
+            relaxation.set_collider(0, contact.collider(cloth, audited=False))
             relaxation.run(CHUNK)
             iterations += CHUNK
         steps += count
-    relaxation.meet(0, contact.collider(relaxation.model.points()))
+    relaxation.set_collider(0, contact.collider(relaxation.model.points()))
     return PoseRun(len(poses), steps, iterations)
 
 

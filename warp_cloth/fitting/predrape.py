@@ -13,7 +13,7 @@ from warp_cloth.fitting.problem import Problem, build_problem, collider_updates,
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.scene import Scene
-from warp_cloth.scene.predrape import dressing_of
+from warp_cloth.scene.predrape import predrape_scene_of
 from warp_cloth.solver.loop import Goal, relax_items
 
 CACHE_NAME = "predraped"
@@ -45,14 +45,18 @@ def build_predrape(problem: Problem, cache: Cache) -> Predrape | None:
     keys: list[CacheArguments] = []
     missing: dict[Hashable, tuple[CacheArguments, Scene, Outfit]] = {}
     for scene, outfit in zip(problem.scenes, problem.outfits, strict=True):
-        predrape_scene = dressing_of(scene)
+        predrape_scene = predrape_scene_of(scene)
         if predrape_scene is None:
             return None
-        sources = (outfit.avatar, *outfit.dressing)
+        sources = (outfit.avatar, *outfit.predrape_garments)
         keys.append((sources, predrape_scene.collision, predrape_scene.solver, device))
         key = cache.key(CACHE_NAME, *keys[-1])
         if key not in cache:
-            missing[key] = keys[-1], predrape_scene, replace(outfit, garments=outfit.dressing, dressing=())
+            missing[key] = (
+                keys[-1],
+                predrape_scene,
+                replace(outfit, garments=outfit.predrape_garments, predrape_garments=()),
+            )
     if not missing:
         return Predrape(tuple(keys), (), None, cache)
     missing_keys, scenes, outfits = zip(*missing.values(), strict=True)
@@ -88,7 +92,7 @@ def start_predraped(problem: Problem, predrape: Predrape) -> list[tuple[LevelRun
         on_device, low, high = uploaded[draped]
         problem.model.set_points(on_device, item)
         if not problem.contacts[item].covers_box(low, high):
-            problem.relaxation.meet(item, problem.contacts[item].collider(points))
+            problem.relaxation.set_collider(item, problem.contacts[item].collider(points))
     return runs
 
 

@@ -176,6 +176,7 @@ def _assemble(
         precision=first.solver.precision,
         garment_counts=[len(outfit.garments) for outfit in outfits],
         avatar_friction=[scene.avatar.friction if scene.avatar is not None else 0.0 for scene in scenes],
+        offset=[scene.collision.offset for scene in scenes],
         cache=cache,
         layered=first.collision.cloth and len(outfits[0].garments) > 1,
         like=like,
@@ -300,7 +301,7 @@ def collider_updates(problem: Problem) -> Follow:
         colliders = {}
         for at in np.flatnonzero(left).tolist():
             item = items[at]
-            problem.relaxation.show()
+            problem.relaxation.update_model()
             colliders[item] = problem.contacts[item].collider(problem.model.points(item))
             regions[item] = problem.contacts[item].region()
         return colliders

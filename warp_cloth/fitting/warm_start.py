@@ -97,7 +97,7 @@ def start_from(problem: Problem, earlier: Sequence[Worn]) -> bool:
         points[first + garment.pins] = loaded[first + garment.pins]
     problem.model.set_points(points)
     if not problem.contact.covers(points):
-        problem.relaxation.meet(0, problem.contact.collider(points))
+        problem.relaxation.set_collider(0, problem.contact.collider(points))
     return True
 
 

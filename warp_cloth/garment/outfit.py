@@ -19,7 +19,7 @@ from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.loading import check_sizes, load_mesh, load_poses
 from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
-from warp_cloth.scene.predrape import dressing_of
+from warp_cloth.scene.predrape import predrape_scene_of
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
 DEFAULT_SIZE = "M"
@@ -38,7 +38,7 @@ class Outfit:
     garments: tuple[Garment, ...]
     avatar: Mesh | None  # in its last pose
     poses: tuple[Points, ...] = ()  # vertices of a moving avatar, first pose to last [m], each shape [V, 3]
-    dressing: tuple[Garment, ...] = ()  # the garments in the fabric of their predrape; empty: they start as placed
+    predrape_garments: tuple[Garment, ...] = ()  # in the fabric of the predrape; empty: garments start as placed
 
     @property
     def starting_avatar(self) -> Mesh | None:
@@ -106,13 +106,14 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     meshes = [cache.make(recipe) for recipe in mesh_recipes(scene)]
     worn, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
     check_sizes(list(zip(scene.garment_keys, worn, strict=True)), avatar)
-    garments, dressing = _garments(scene, worn, cache), dressing_of(scene)
+    garments, predrape_scene = _garments(scene, worn, cache), predrape_scene_of(scene)
     poses: tuple[Points, ...] = ()
     if avatar is not None and scene.avatar is not None and scene.avatar.poses:
         files = () if scene.avatar.poses == "samples" else scene.avatar.poses
         key = "posed", *avatar_recipe(scene)[0].key, _values(scene.avatar, {"poses"}), _file_stamp(*files)
         avatar, poses = cache.get(key, partial(_posed, scene.avatar, avatar))
-    return Outfit(worn, garments, avatar, poses, () if dressing is None else _garments(dressing, worn, cache))
+    predraped = () if predrape_scene is None else _garments(predrape_scene, worn, cache)
+    return Outfit(worn, garments, avatar, poses, predraped)
 
 
 def _garments(scene: Scene, meshes: Sequence[Mesh], mesh_cache: MeshCache) -> tuple[Garment, ...]:

@@ -44,6 +44,7 @@ class ClothModel:
     weave_start: tuple[int, ...]  # first woven triangle of each garment, and their number
     terms: Terms
     avatar_friction: tuple[float, ...]  # of each item
+    offset: tuple[float, ...]  # contact offset of each item [m]
     vertices: Any  # kernels.base.types Model
     state: Any  # kernels.base.types State
     edges: Any  # kernels.base.types Edges
@@ -107,6 +108,7 @@ def build_model(
     gathers: bool | None = None,
     garment_counts: Sequence[int] | None = None,
     avatar_friction: Sequence[float] | None = None,
+    offset: Sequence[float] | None = None,
     cache: Cache | None = None,
     layered: bool = False,
     like: int | None = None,
@@ -120,6 +122,7 @@ def build_model(
         gathers: how forces are summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each.
         garment_counts: number of garments of each item; None: all belong to one item.
         avatar_friction: Coulomb coefficient of each item's avatar; None: there is no avatar.
+        offset: contact offset of each item [m]; None likewise.
         cache: what earlier models of the same garments have left.
         layered: whether garments lie on each other and are in contact.
         like: number of vertices of the model as whose patches these are cut; None: as many as there are.
@@ -143,7 +146,8 @@ def build_model(
     edge_start = _starts([len(rest.topology.edges) for rest in rests])
     triangle_start = _starts([len(garment.triangles) for garment in garments])
     item_start = tuple(vertex_start[first] for first in _starts(list(garment_counts or [len(garments)])))
-    frictions = tuple(avatar_friction or [0.0] * (len(item_start) - 1))
+    avatar_friction = tuple(avatar_friction or [0.0] * (len(item_start) - 1))
+    offset = tuple(offset or [0.0] * (len(item_start) - 1))
     hinges, hinge_count = _hinges(types, upload, rests, vertex_start, terms.angles, cache)
     weave = _weave(types, upload, rests, vertex_start, cache)
     patches = None
@@ -161,8 +165,9 @@ def build_model(
         hinge_count=hinge_count,
         weave_start=_starts([0 if rest.yarns is None else len(rest.yarns.corners) for rest in rests]),
         terms=terms,
-        avatar_friction=frictions,
-        vertices=build_vertices(precision, garments, item_start, frictions, device),
+        avatar_friction=avatar_friction,
+        offset=offset,
+        vertices=build_vertices(precision, garments, item_start, avatar_friction, offset, device),
         state=build_state(precision, garments, device),
         edges=_edges(types, upload, rounded, vertex_start, triangle_start, terms),
         triangles=_triangles(types, upload, rounded, vertex_start, edge_start, terms),

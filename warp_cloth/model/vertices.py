@@ -24,9 +24,10 @@ def build_vertices(
     garments: Sequence[Garment],
     item_start: Sequence[int],
     avatar_friction: Sequence[float],
+    offset: Sequence[float],
     device: str,
 ) -> Any:
-    """What is constant of the vertices of all garments; ``avatar_friction`` of each item."""
+    """What is constant of the vertices of all garments; ``avatar_friction`` and ``offset`` [m] of each item."""
     types, count = cloth_types(precision), item_start[-1]
     vertices = types.Model()
     vertices.weight = upload_concatenated(
@@ -43,6 +44,7 @@ def build_vertices(
     items = np.zeros(len(item_start) - 1, dtype=types.Item.numpy_dtype())
     items["active"] = 1
     items["avatar_friction"] = avatar_friction
+    items["offset"] = offset
     vertices.items = wp.array(items, dtype=types.Item, device=device)
     return vertices
 

@@ -17,7 +17,7 @@ FRICTION = 0.5  # of cloth on skin
 ITERATIONS = 8000  # limit; a start from a shape that is not at rest saves less
 
 
-def dressing_of(scene: Scene) -> Scene | None:
+def predrape_scene_of(scene: Scene) -> Scene | None:
     """The scene of the predrape; None if the garments start as placed."""
     if scene.solver.start == "placed":
         return None
@@ -25,7 +25,7 @@ def dressing_of(scene: Scene) -> Scene | None:
     avatar = scene.avatar
     return scene.model_copy(
         update={
-            "name": "dressing",
+            "name": "predrape",
             "garments": tuple(spec.model_copy(update={"fabric": fabric}) for spec in scene.garments),
             "avatar": None if avatar is None else avatar.model_copy(update={"friction": FRICTION}),
             "solver": SolverSpec(

@@ -71,7 +71,7 @@ class FrameRecorder:
         """Records the shape after this iteration if it is due."""
         if self._due and iteration >= self._due[0]:
             self._due = [due for due in self._due if due > iteration]
-            relaxation.show()
+            relaxation.update_model()
             self.frames.append((iteration, relaxation.model.points().astype(np.float32)))
 
 
@@ -147,7 +147,7 @@ def relax_items(
         follow: gives new colliders to items that leave the region of the old ones.
         schedule: of contact of cloth with cloth; such a scene is a single item.
         on_check: called with every measurement of all items, and the seconds so far.
-        on_chunk: called after every chunk with its last iteration; to read positions it must call Relaxation.show.
+        on_chunk: called after every chunk with its last iteration; positions are those of the last update_model.
         ahead: whether iterations run while a check is read; None: if that saves time. Must be off if more iterations
             follow the end: displacements and stiffness bounds are not restored.
     """
@@ -271,11 +271,11 @@ class _Loop:
             return _Pending(iteration, self._certifier.start_measurement(iteration), None, ending)
         follows = self._follow is not None and self._falling and iteration % CHUNK == 0
         if follows:
-            self._relaxation.show()
+            self._relaxation.update_model()
         return _Pending(iteration, None, self._certifier.request_bounds(self._falling) if follows else None, ending)
 
     def _decide(self, pending: _Pending, *, late: bool = False) -> None:
-        """Reads what was requested, and retires items that had ended by then; ``late``: they have iterated since."""
+        """Reads what was requested, deactivates items that had ended by then; ``late``: they have iterated since."""
         if pending.bounds is not None:
             self._positions = _Positions(pending.iteration, read_bounds(pending.bounds))
         if pending.measurement is None:
@@ -298,7 +298,7 @@ class _Loop:
         self._active = [item for item in self._active if item not in self._outcomes]
         if pending.whole:
             self._positions = _Positions(measured.iteration, measured.boxes, measured.moved, measured.relative_rms)
-        self._relaxation.retire(ended)
+        self._relaxation.deactivate(ended)
         if self._on_check is not None and measured.iteration > 0:
             self._on_check(measured, time.perf_counter() - self._began)
 
@@ -330,7 +330,7 @@ class _Loop:
         if positions is None:
             return
         if positions.relative_rms is not None and positions.iteration > 0:
-            self._relaxation.loosen(positions.relative_rms)
+            self._relaxation.update_anisotropy(positions.relative_rms)
         if positions.moved is not None and positions.iteration > 0:
             self._falling = [item for item in self._active if positions.moved[item] > FALL]
         self._update_colliders(positions)
@@ -347,5 +347,5 @@ class _Loop:
             soon = now + (now - self._boxes[items]) * (CHUNK / since)[:, None, None]
             region = np.stack([np.minimum(now, soon)[:, 0], np.maximum(now, soon)[:, 1]], axis=1)
             for item, collider in self._follow(items, region).items():
-                self._relaxation.meet(item, collider)
+                self._relaxation.set_collider(item, collider)
         self._boxes[items], self._followed_at[items] = now, positions.iteration

@@ -14,6 +14,8 @@ from warp_cloth.model.vertices import patch_ordered
 from warp_cloth.solver.active_set import ActiveGroups
 from warp_cloth.solver.forces import launch_patches
 
+BeforeMove = Callable[[int, Any], int]  # (iteration, State) -> how many more blocks the iteration takes
+
 
 class PackedCloth:
     """The cloth twice as patches own it, to iterate to and fro; what iterations change comes from and to the model.
@@ -37,11 +39,8 @@ class PackedCloth:
         """The kernels of an iteration by ``move`` alone, in order."""
         return [self._kernels.pack_vertices, move, self._kernels.unpack_vertices]
 
-    def brought(self) -> Any:
-        """The cloth as patches own it, brought up to where the model has it.
-
-        Where it is ``ahead`` it stays where it is.
-        """
+    def pack(self) -> Any:
+        """State in the patches' order, read from the model; where it is ``ahead`` of that it stays as it is."""
         if self.ahead:
             return self._here
         model, here = self._model, self._here
@@ -50,29 +49,28 @@ class PackedCloth:
         wp.launch(self._kernels.pack_vertices, dim=self._some.size, inputs=inputs, device=model.device)
         return here
 
-    def iterate(self, move: wp.Kernel, asked: list[Any], count: int, before: Callable[[int, Any], int] | None) -> None:
-        """Launches iterations by ``move``, of kernels.passes.move.advance_kernel; ``asked`` comes first there.
+    def iterate(self, move: wp.Kernel, arguments: list[Any], count: int, before: BeforeMove | None) -> None:
+        """Launches iterations by ``move``, of kernels.passes.move.advance_kernel; ``arguments`` comes first there.
 
-        ``before`` each iteration, given its number and the state then: how many
-        more blocks it takes.
+        ``before`` is called before each iteration.
         """
-        self.brought()
-        self.go(move, asked, count, before)
-        self.show(count)
+        self.pack()
+        self.iterate_packed(move, arguments, count, before)
+        self.unpack(count)
 
-    def go(self, move: wp.Kernel, asked: list[Any], count: int, before: Callable[[int, Any], int] | None) -> None:
-        """Launches iterations of the cloth as patches own it, as of ``iterate``."""
+    def iterate_packed(self, move: wp.Kernel, arguments: list[Any], count: int, before: BeforeMove | None) -> None:
+        """The iterations of ``iterate`` alone, on what is packed already."""
         here, there = self._here, self._there
         for number in range(count):  # to and fro: the cache still has what the last patches have read and written
             more = before(number, here) if before is not None else 0
             read = [self._patches.packed_tables[number % 2], self._patches.overflow]
             launch_patches(
-                move, self._model, [self.vertices, here, *asked, *read, there.position, there.displacement4], more
+                move, self._model, [self.vertices, here, *arguments, *read, there.position, there.displacement4], more
             )
             here, there = there, here
 
-    def show(self, count: int = 0) -> None:
-        """Has the model know where the cloth is after so many iterations since it was ``brought``."""
+    def unpack(self, count: int = 0) -> None:
+        """Writes the cloth after so many iterations since ``pack`` to the model's State."""
         model, state = self._model, self._model.state
         here = self._there if count % 2 else self._here
         inputs = [

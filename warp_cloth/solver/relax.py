@@ -150,7 +150,6 @@ class Relaxation:
         self._items = model.vertices.items.numpy().copy()
         self._items["active"] = 1
         self._items["cap"] = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]
-        self._items["offset"] = [collider.offset for collider in of_items]
         self._sizes = np.diff(model.item_start)  # of the items, in vertices
         self.collider_data: Any = NoCollider()
         if self.avatar_contact is not None:
@@ -185,7 +184,7 @@ class Relaxation:
 
     def contact_state(self) -> Any:
         """The State now, with vertices numbered as contact of cloth with cloth has them."""
-        return self.model.state if self._packed is None else self._packed.brought()
+        return self.model.state if self._packed is None else self._packed.pack()
 
     def _shared_out(self, count: int) -> ParallelDomains | None:
         """What lets so many threads iterate; None: what is to be iterated cannot be shared out."""
@@ -198,16 +197,14 @@ class Relaxation:
         """How many threads of the host iterate."""
         return 1 if self._together is None else self._together.count
 
-    def meet(self, item: int, collider: Collider) -> None:
-        """Goes on with this collider of an item; it must be of the kind that the relaxation was made with."""
-        self._items["offset"][item] = collider.offset
+    def set_collider(self, item: int, collider: Collider) -> None:
+        """Replaces an item's collider by another one of the same kind."""
         self.model.forget_clearance(item)
-        self.upload_items()
         if self.avatar_contact is not None:
             data = wp.array([collider.data], dtype=self.collider_type, device=self.model.device)
             wp.copy(self.collider_data, data, dest_offset=item, count=1)
 
-    def loosen(self, relative_rms: NDArray[np.float64]) -> None:
+    def update_anisotropy(self, relative_rms: NDArray[np.float64]) -> None:
         """Lets worn items whose forces have balanced take anisotropic steps, others not; tells cloth on cloth, too.
 
         To be told after a look at all items, that many iterations later on every device.
@@ -241,7 +238,7 @@ class Relaxation:
         self._done = 0
         if self._packed is not None:
             self._packed.ahead = False
-        self.loosen(np.full(self.model.item_count, np.inf))
+        self.update_anisotropy(np.full(self.model.item_count, np.inf))
         self._items["active"] = 1
         self.upload_items()
         for item in range(self.model.item_count):
@@ -258,7 +255,7 @@ class Relaxation:
         """Share of the vertices whose items iterate."""
         return float(self._sizes[self._items["active"] == 1].sum() / self._sizes.sum())
 
-    def retire(self, items: Sequence[int]) -> None:
+    def deactivate(self, items: Sequence[int]) -> None:
         """Leaves these items as they are from now on."""
         if not len(items):
             return
@@ -299,7 +296,7 @@ class Relaxation:
         """What the kernels read of cloth on cloth."""
         return NoClothContact() if self.cloth_contact is None else self.cloth_contact.data
 
-    def _meet_cloth(self, iteration: int, state: Any) -> None:
+    def _add_contact_forces(self, iteration: int, state: Any) -> None:
         """Contact of cloth with cloth, where there is any."""
         if self.cloth_contact is not None and self.cloth_contact.awake:
             if iteration % self.cloth_contact.check_interval == 0:
@@ -321,13 +318,13 @@ class Relaxation:
     def iterate(self, count: int = 1) -> None:
         """Launches iterations."""
         if self._packed is not None and self.stays_packed:
-            self._packed.iterate(self._move, self._asked, count, self._before_move)
+            self._packed.iterate(self._move, self._arguments, count, self._before_move)
         else:
             self._iterate(count)
 
     @property
-    def _asked(self) -> list[Any]:
-        """What the kernel that moves vertices asks for besides the cloth."""
+    def _arguments(self) -> list[Any]:
+        """Arguments of the kernel that moves vertices, besides the cloth."""
         return [self.step, self.collider_data, self.contact_data]
 
     @property
@@ -338,26 +335,26 @@ class Relaxation:
     def _iterate(self, count: int) -> None:
         """Launches what a graph of iterations holds."""
         model, here = self.model, self.model.state
-        asked = self._asked
+        own = self._arguments
         if self._scatter is not None:
             for iteration in range(count):
                 self._update_compliance(here)
                 self._scatter.launch(self.step)
-                self._meet_cloth(iteration, here)
-                arguments = asked[:2] if self._packets else asked
+                self._add_contact_forces(iteration, here)
+                arguments = own[:2] if self._packets else own
                 inputs = [model.vertices, here, *arguments, self._load]
                 size = pass_size(model.vertex_count, self._packets)
                 wp.launch(self._move, dim=size, inputs=inputs, device=model.device)
         if self._packed is not None and self.stays_packed:
-            self._packed.go(self._move, asked, count, self._before_move)
+            self._packed.iterate_packed(self._move, own, count, self._before_move)
         elif self._packed is not None:
-            self._packed.iterate(self._move, asked, count, None)
+            self._packed.iterate(self._move, own, count, None)
             self._done += count
 
     def _before_move(self, iteration: int, state: Any) -> int:
         """Compliance, and contact of cloth with cloth, before an iteration; how many blocks are to press meanwhile."""
         self._update_compliance(state)
-        self._meet_cloth(iteration, state)
+        self._add_contact_forces(iteration, state)
         if self.cloth_contact is None or self.model.patches is None or not self._presses_along:
             return 0
         return self.cloth_contact.divide_blocks(self.model.patches.count)
@@ -366,18 +363,18 @@ class Relaxation:
         """Runs a chunk of iterations as one captured graph, without waiting for the device.
 
         The kernels must be loaded: capture records launches only. ``shown``: whether the model is to know where the
-        cloth is then; else nothing may ask it but after ``show``, and nothing move it but more iterations.
+        cloth is then; else nothing may ask it but after ``update_model``, and nothing move it but more iterations.
         """
         together = self._together
         if self._packed is not None and self.stays_packed:
             graph, whole = self.capture(iterations, shown=shown), self._whole(shown)
             if not whole:
-                self._packed.brought()
+                self._packed.pack()
             wp.capture_launch(graph)
             self._done += iterations
             self._packed.ahead = not shown and iterations % 2 == 0
             if not whole and not self._packed.ahead:
-                self._packed.show(iterations)
+                self._packed.unpack(iterations)
             return
         if together is None or not together.pays():
             wp.capture_launch(self.capture(iterations))
@@ -389,10 +386,10 @@ class Relaxation:
             self._done += part
             iterations -= part
 
-    def show(self) -> None:
-        """Has the model know where the cloth is, in the midst of iterations that are not shown."""
+    def update_model(self) -> None:
+        """Writes the cloth to the model's State, after chunks that were not ``shown``."""
         if self._packed is not None and self._packed.ahead:
-            self._packed.show()
+            self._packed.unpack()
 
     def _captured_shares(self, together: ParallelDomains, iterations: int) -> list[Any]:
         """The graphs of the next chunk's shares."""

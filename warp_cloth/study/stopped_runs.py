@@ -117,7 +117,7 @@ class _Recorder:
     def record(self, iteration: int, relaxation: Relaxation) -> None:
         """Records the shape after this iteration if it is one of the stops."""
         if iteration in self._stops:
-            relaxation.show()
+            relaxation.update_model()
             wp.synchronize_device(relaxation.model.device)
             seconds, entered = self.elapsed(), time.perf_counter()
             self.shapes[iteration] = seconds, relaxation.model.points()

@@ -192,9 +192,9 @@ class TimedFit:
             return
         if problem.schedule is not None:
             problem.schedule.advance(self.iteration)
-        problem.relaxation.loosen(measured.relative_rms)
+        problem.relaxation.update_anisotropy(measured.relative_rms)
         for item, collider in self._follow(range(len(measured.boxes)), measured.boxes).items():
-            problem.relaxation.meet(item, collider)
+            problem.relaxation.set_collider(item, collider)
 
 
 def _seconds_of_empty_check(device: str) -> float:

@@ -145,14 +145,14 @@ class LiveFit:
         self.points = points
         if not problem.contact.covers(points):
             collider = problem.contact.collider(points)
-            problem.relaxation.meet(0, collider)
+            problem.relaxation.set_collider(0, collider)
         if self._unchecked >= CHECK_ITERATIONS:
             tolerance = tolerance_of(self.scene)
             self.check = problem.certifier.check(problem.certifier.measure(self.iteration), 0)
             problem.certifier.take_snapshot(self.iteration)
             speed = self._unchecked / max(self._seconds, 1e-9)
             self.history.add(self.iteration, self.check.residual.relative_rms, speed)
-            problem.relaxation.loosen(np.array([self.check.residual.relative_rms]))
+            problem.relaxation.update_anisotropy(np.array([self.check.residual.relative_rms]))
             self._seconds, self._unchecked = 0.0, 0
             self.diverged = not self.check.finite
             settled = problem.schedule is None or problem.schedule.advance(self.iteration)

@@ -134,10 +134,10 @@ class MultilevelRelaxation(Relaxation):
         if self.avatar_contact is not None:
             self._settles, self.step.momentum = True, SETTLING_MOMENTUM
 
-    def loosen(self, relative_rms: NDArray[np.float64]) -> None:
+    def update_anisotropy(self, relative_rms: NDArray[np.float64]) -> None:
         """Changes pace once the forces of cloth on an avatar have balanced; see Relaxation."""
         graphs = self._step_graphs
-        super().loosen(relative_rms)
+        super().update_anisotropy(relative_rms)
         self._step_graphs = graphs  # implicit steps do not depend on what it changes
         if self.avatar_contact is None:
             return
