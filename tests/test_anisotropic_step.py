@@ -22,7 +22,8 @@ from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.vertices import allocate_steps
 from warp_cloth.solver.anisotropic_step import AnisotropicStep
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 
 MOST = 100.0
 SLOWED = 1e-5  # of a displacement: inverses keep a millionth of their size, and rounding

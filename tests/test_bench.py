@@ -21,7 +21,7 @@ from warp_cloth.cli.main import app
 from warp_cloth.garment.triangles import triangle_areas
 from warp_cloth.material.fabric import fabric_named
 from warp_cloth.solver.certificate.certifier import Tolerance
-from warp_cloth.solver.relax import StepOptions
+from warp_cloth.solver.step_options import StepOptions
 
 MESH_TOLERANCE = 1.0  # [points], of drape; half a coarse edge beyond the rim or the support would make 5
 # The bench's coarse strips against the fabric's own, where 10 % is asked for at most.

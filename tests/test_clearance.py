@@ -15,7 +15,8 @@ from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.avatar.field import ContactField, field_clearance, field_contact
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 
 RADIUS = 0.1  # of the avatar, a ball [m]
 PIXEL = 0.002  # [m]

@@ -20,7 +20,8 @@ from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.contact_schedule import ContactSchedule
 from warp_cloth.solver.loop import Goal, relax_items
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 
 # The sums are kept in units of 2^-36 N and 2^-16 N/m; a vertex of these sheets adds up at most 100 pairs.
 FORCE_ROUNDING = 100 * 2.0**-36  # [N]

@@ -27,7 +27,8 @@ from warp_cloth.model.permutation import Permutation
 from warp_cloth.scene import SphereShape
 from warp_cloth.shapes import build_avatar
 from warp_cloth.solver.contact_schedule import ContactSchedule
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 
 
 @pytest.mark.parametrize("room", [(1000, 100000), (1000, 50), (3, 100000), (3, 50)])

@@ -9,7 +9,8 @@ from sheets import crumpled, iterate, lying, moved, sheets_at
 from touching import edge_weights, four_regions, triangle_weights
 
 from warp_cloth.avatar.collider import Collider
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 
 
 @pytest.mark.parametrize("share", [0.3, 0.9])

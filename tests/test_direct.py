@@ -11,7 +11,8 @@ from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.rest import RestShape
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 
 ROUNDING = 1e-12  # a few operations in float64, relative
 CAP = 1e-3  # [m]

@@ -17,7 +17,7 @@ from warp_cloth.avatar import contact as avatar_contact
 from warp_cloth.fitting import problem
 from warp_cloth.model.result import Status
 from warp_cloth.report import status
-from warp_cloth.solver.relax import StepOptions
+from warp_cloth.solver.step_options import StepOptions
 
 # Both are within the tolerance of 1 mm from the true rest shape, on either side of it.
 PRECISIONS_APART = 2e-3  # [m]

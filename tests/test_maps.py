@@ -31,7 +31,8 @@ from warp_cloth.material.constants import even_network
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.shapes import MannequinMeasures, mannequin, sphere, tshirt
 from warp_cloth.solver.certificate.certifier import Certifier
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 
 ROUNDING = 1e-9  # of float64 strains
 CLOSED_FORM = 0.05  # of a map against its closed form

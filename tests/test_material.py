@@ -22,7 +22,7 @@ from warp_cloth.material.laboratory import MATCHED_FOLD, MATCHED_SHEAR_ANGLE, be
 from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.certificate.strains import element_energies, measured_strains, yarn_summaries
 from warp_cloth.solver.forces import ForcePass
-from warp_cloth.solver.relax import StepOptions
+from warp_cloth.solver.step_options import StepOptions
 
 # 5 % is asked for on regular grids and 10 % on others. Yarns are exact on all of them; the clamps, between
 # which the cloth cannot narrow, leave 1 % of the softest cloth's force.

@@ -29,7 +29,8 @@ from warp_cloth.solver.implicit.multilevel import CHECK_EVERY, PACE_BOUNDS, Mult
 from warp_cloth.solver.implicit.options import ImplicitOptions, Pace
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.solver.reduction import launch_blocks, split_into_chunks
-from warp_cloth.solver.relax import TIGHTER, StepOptions
+from warp_cloth.solver.relax import TIGHTER
+from warp_cloth.solver.step_options import StepOptions
 
 MOST_GROWTH = 2.0  # of the iterations where the vertices become 10 times as many; one level needs 3 times as many
 LIMIT = 10_000

@@ -20,7 +20,8 @@ from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.model.model import build_model
 from warp_cloth.model.patches import cutting, on_device
 from warp_cloth.model.patches.cutting import PatchTables, cut_patches, even_size
-from warp_cloth.solver.relax import Method, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import Method, StepOptions
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
 WOVEN = replace(FABRIC, stretch_weft=9e3, shear=800.0)

@@ -15,7 +15,8 @@ from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.shapes import sphere
 from warp_cloth.solver.certificate.certifier import CONTACT_SLACK, Certifier
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 
 OFFSET = 0.003  # [m]
 ROUNDING = 1e-5  # of forces and distances in float32, which contact answers

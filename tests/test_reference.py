@@ -22,7 +22,7 @@ from warp_cloth.model.result import Status
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.implicit.multilevel import build_relaxation
 from warp_cloth.solver.loop import relax_to_rest
-from warp_cloth.solver.relax import Method, StepOptions
+from warp_cloth.solver.step_options import Method, StepOptions
 
 APART = 1e-4  # [m, rms], what issue 3 asks of a garment that touches nothing
 CLOSE = Tolerance(relative_rms=1e-3, relative_p99=5e-3, rest_error=5e-5)

@@ -26,7 +26,8 @@ from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.strains import element_energies
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.loop import relax_to_rest
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 
 FLAT = grid(5, 0.2)
 BOARD = Fabric(stretch_warp=2e3, stretch_weft=2e3, bending_warp=1e-5, bending_weft=1e-5)  # it turns soon

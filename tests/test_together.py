@@ -25,7 +25,8 @@ from warp_cloth.scene import load_scene
 from warp_cloth.solver import parallel_domains as together
 from warp_cloth.solver.domains import cut_model
 from warp_cloth.solver.parallel_domains import LONGEST_PAUSE, Pause, thread_count
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 
 WOVEN = Fabric(stretch_warp=2e4, stretch_weft=1e4, shear=100.0, bending_warp=1e-5, bending_weft=1e-5)
 EDGES = Fabric(stretch_warp=2e4, stretch_weft=1e4, bending_warp=1e-5, bending_weft=1e-5)

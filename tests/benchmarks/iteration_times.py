@@ -33,7 +33,8 @@ from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene
 from warp_cloth.shapes import square
 from warp_cloth.solver.loop import CHUNK, chunks
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 
 FABRICS = {"edges": Fabric(), "irregular": Fabric(), "woven": replace(Fabric(), shear=800.0)}
 SIZES = {"4k": (64, 1), "65k": (256, 1), "1m": (256, 16)}  # vertices along a side, squares

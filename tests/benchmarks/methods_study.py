@@ -27,7 +27,7 @@ from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, 
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
 from warp_cloth.solver.loop import CHUNK, relax_to_rest
-from warp_cloth.solver.relax import StepOptions
+from warp_cloth.solver.step_options import StepOptions
 
 LIMITS = MappingProxyType({"direct": 20_000, "momentum": 20_000, "accelerated": 40_000, "multilevel": 20_000})
 

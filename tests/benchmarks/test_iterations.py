@@ -27,7 +27,8 @@ from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene
 from warp_cloth.shapes import square
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 from warp_cloth.study.footprint import iteration_bytes
 from warp_cloth.study.launches import launches_of
 

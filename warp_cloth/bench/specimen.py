@@ -22,7 +22,7 @@ from warp_cloth.solver.certificate.certifier import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, build_relaxation
 from warp_cloth.solver.loop import Goal, relax_items
-from warp_cloth.solver.relax import StepOptions
+from warp_cloth.solver.step_options import StepOptions
 
 if TYPE_CHECKING:
     from warp_cloth.material.fabric import Fabric

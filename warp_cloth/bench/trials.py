@@ -15,7 +15,7 @@ from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.bench.specimen import Settled, Specimen
 from warp_cloth.bench.swatch import along, disc, on_finer_disc
 from warp_cloth.solver.certificate.certifier import Tolerance
-from warp_cloth.solver.relax import StepOptions
+from warp_cloth.solver.step_options import StepOptions
 
 if TYPE_CHECKING:
     from warp_cloth.material.fabric import Fabric

@@ -34,7 +34,8 @@ from warp_cloth.solver.contact_schedule import ContactSchedule, build_contact_sc
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, build_relaxation
 from warp_cloth.solver.loop import Boxes, Follow
 from warp_cloth.solver.parallel_domains import thread_count
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import StepOptions
 
 
 @dataclass(frozen=True, eq=False)

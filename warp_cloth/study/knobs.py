@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.scene import Scene, SquareShape, TshirtShape
-from warp_cloth.solver.relax import DEFAULT_CAP, Method
+from warp_cloth.solver.step_options import DEFAULT_CAP, Method
 
 Settings = Mapping[str, str]  # scene keys and their values, as --set takes them
 

@@ -21,7 +21,8 @@ from warp_cloth.solver.implicit.coarse_levels import build_levels
 from warp_cloth.solver.implicit.options import ImplicitOptions, Pace
 from warp_cloth.solver.implicit.step import ImplicitStep
 from warp_cloth.solver.implicit.vertex_pairs import build_pairs
-from warp_cloth.solver.relax import DEFAULT_CAP, TIGHTER, Relaxation, StepOptions
+from warp_cloth.solver.relax import TIGHTER, Relaxation
+from warp_cloth.solver.step_options import DEFAULT_CAP, StepOptions
 
 if TYPE_CHECKING:
     from warp_cloth.contact.cloth import ClothContact
