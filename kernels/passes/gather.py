@@ -293,38 +293,34 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
 def gather_kernel(options: KernelOptions) -> wp.Kernel:
     """Kernel ``gather_forces``, of cloth whose vertices lie as the garments have them."""
     types, patch_context = cloth_types(options.precision), context_function(options)
-    vec4, Model, State, Step, Patches = types.vec4, types.Model, types.State, types.Step, types.Patches
     functions = patch_functions(options)
-    own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
-    work_edges, work_corners = functions.work_edges, functions.work_corners
-    vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def gather_forces(
-        model: Model,
-        state: State,
-        patches: Patches,
+        model: types.Model,
+        state: types.State,
+        patches: types.Patches,
         overflow: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
-        step: Step,
-        load_out: wp.array(dtype=vec4),  # force [N] and what is accumulated besides, shape [V]
+        step: types.Step,
+        load_out: wp.array(dtype=types.vec4),  # force [N] and what is accumulated besides, shape [V]
     ):
         """Sums the forces that meet at each vertex."""
         thread = wp.tid()
         patch = patch_of(patches.patch, block_of(thread))
         lane = lane_of(thread)
-        first, second = two_vertices(patches, patch, lane)
+        first, second = functions.two_vertices(patches, patch, lane)
         if leaves(model.items[patch.item].active, patch, first, second):
             return
         context = patch_context(step, patches, patch, overflow, lane)
-        work = work_edges(context, state, first, second, patch)
-        work_corners(context, work)
+        work = functions.work_edges(context, state, first, second, patch)
+        functions.work_corners(context, work)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         local = int(lane)
         wait_for_block()
         while local < patch.owned_count:
-            vertex = own_vertex(patches, patch, local)
-            load_out[vertex] = vertex_load(context, local, edges, triangles)
+            vertex = functions.own_vertex(patches, patch, local)
+            load_out[vertex] = functions.vertex_load(context, local, edges, triangles)
             local += block_threads()
-            edges, triangles = vertex_slots(patches, patch, local)
+            edges, triangles = functions.vertex_slots(patches, patch, local)
 
     return gather_forces

@@ -145,7 +145,6 @@ def displace_kernel(options: KernelOptions) -> wp.Kernel:
         if item.active == 0:
             return
         move = vec3()
-        iteration, path = int(0), wp.int64(0)
         if wp.static(cloth_contact):
             iteration, path = load_bounds(contact, index)
         position = element(state.position, index)
@@ -165,15 +164,16 @@ def displace_kernel(options: KernelOptions) -> wp.Kernel:
 
 @functools.cache
 def move_function(options: KernelOptions) -> wp.Function:
-    """The function that ends a vertex' iteration."""
-    types = cloth_types(options.precision)
+    """The function that ends a vertex' iteration in the kernels below."""
+    types, order = cloth_types(options.precision), order_functions(options.precision, options.packed, options.in_order)
     point, vec3, State, Vertex, Step = types.point, types.vec3, types.State, types.Vertex, types.Step
+    put_position, put_displacement = order.put_position, order.put_displacement
     vertex_displacement = displacement_function(options)
     Colliders = colliders_type(options.avatar_contact, options.collider)
     Contact, Prefetched = cloth_contact_type(options.cloth_contact), prefetched_type(options)
 
     @wp.func
-    def move_vertex(
+    def move_vertex(  # nine arguments: those of vertex_displacement, and the arrays that kernels write
         state: State,
         step: Step,
         colliders: Colliders,
@@ -181,16 +181,30 @@ def move_function(options: KernelOptions) -> wp.Function:
         known: Prefetched,
         load: types.vec4,
         vertex: Vertex,
+        position_out: wp.array(dtype=point),
+        displacement_out: wp.array(dtype=order.move),
     ):
-        """Where a vertex is then, its displacement and what of that has momentum; a pinned one stays."""
+        """Writes where a vertex is then, and what of its displacement has momentum; a pinned one stays."""
+        if wp.static(options.cloth_contact):
+            iteration, path = load_bounds(contact, vertex.index)
         move, inertial = vec3(), vec3()
         if vertex.free:
             move, inertial, stiffness = vertex_displacement(state, step, colliders, contact, known, load, vertex)
             if wp.static(options.accelerated):
                 put(state.stiffness, vertex.index, stiffness)
-        return vertex.position + point(move), move, inertial
+        position = vertex.position + point(move)
+        put_displacement(displacement_out, vertex.index, inertial)
+        put_position(position_out, vertex.index, position)
+        if wp.static(options.cloth_contact):
+            note_displacement(contact, vertex.index, known.contact, float(root(inner(move, move))), iteration, path)
 
     return move_vertex
+
+
+def move_type(options: KernelOptions) -> type:
+    """The type of displacements that the kernels below write."""
+    move: type = order_functions(options.precision, options.packed, options.in_order).move
+    return move
 
 
 def _launch_bounds(options: KernelOptions) -> tuple[int, int]:
@@ -209,9 +223,7 @@ def advance_kernel(options: KernelOptions) -> wp.Kernel:
     Where cloth meets cloth and patches are few the first blocks press its pairs meanwhile.
     """
     options = advance_options(options)
-    if not options.fits:
-        return _advance_large_kernel(options)
-    return _advance_pressing_kernel(options) if presses_along(options) else _advance_kernel(options)
+    return _advance_kernel(options) if options.fits else _advance_large_kernel(options)
 
 
 def presses_along(options: KernelOptions) -> bool:
@@ -227,19 +239,18 @@ def advance_options(options: KernelOptions) -> KernelOptions:
 
 @functools.cache
 def _advance_kernel(options: KernelOptions) -> wp.Kernel:
-    """Kernel ``advance_vertices``: a thread for each vertex, and none waits for what is loaded before the block."""
-    types, cloth_contact, keeps = cloth_types(options.precision), options.cloth_contact, _keeps(options)
-    point, Model, State, Step = types.point, types.Model, types.State, types.Step
-    order = order_functions(options.precision, options.packed, options.in_order)
-    put_position, put_displacement = order.put_position, order.put_displacement
+    """Kernel ``advance_vertices``: a thread for each vertex, and none waits for what is loaded before the block.
+
+    With ``presses_along`` the first blocks press pairs of cloth, while the others compute what they own.
+    """
+    types, keeps, presses = cloth_types(options.precision), _keeps(options), presses_along(options)
+    vec4, Model, State, Step = types.vec4, types.Model, types.State, types.Step
     patch_context, prefetch, move_vertex = (
         context_function(options), prefetch_function(options), move_function(options),
     )  # fmt: skip
-    functions = patch_functions(options)
-    own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
-    work_edges, work_corners, vertex_load = functions.work_edges, functions.work_corners, functions.vertex_load
+    add_block_forces = block_forces_function(options.precision, Accumulate.STIFFNESS, in_order=True)
+    functions, next_patch = patch_functions(options), next_functions(options.precision).next_patch
     read_vertex, free = block_read_function(options), free_function(options.precision, options.terms.pins)
-    next_patch = next_functions(options.precision).next_patch
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=_launch_bounds(options))
     def advance_vertices(
@@ -247,149 +258,79 @@ def _advance_kernel(options: KernelOptions) -> wp.Kernel:
         state: State,
         step: Step,
         colliders: colliders_type(options.avatar_contact, options.collider),
-        contact: cloth_contact_type(cloth_contact),
+        contact: cloth_contact_type(options.cloth_contact),
         patches: types.Patches,
         overflow: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
-        position_out: wp.array(dtype=point),  # [m], shape [V]
-        displacement_out: wp.array(dtype=order.move),  # [m], shape [V]
+        position_out: wp.array(dtype=types.point),  # [m], shape [V]
+        displacement_out: wp.array(dtype=move_type(options)),  # [m], shape [V]
     ):
         """Moves each free vertex of an item that is not at rest by the forces that meet there; pinned ones stay."""
         thread = wp.tid()
         lane = lane_of(thread)
         block = block_of(thread)
+        if wp.static(presses):
+            if block < contact.blocks.force_count:
+                add_block_forces(step, state, contact, thread, contact.blocks.force_count)
+                signal_done(contact.blocks.done)
+                return
+            block -= contact.blocks.force_count
         patch = patch_of(patches.patch, block)
         item = model.items[patch.item]
         soon = Patch()
-        if wp.static(options.paired and not cloth_contact):
+        if wp.static(options.paired and not options.cloth_contact):
             if fetches(NEXT_WARP):
                 soon = next_patch(patches, block)
-        first, second = two_vertices(patches, patch, lane)
+        first, second = functions.two_vertices(patches, patch, lane)
         if leaves(item.active, patch, first, second):
+            if wp.static(presses):
+                arrived = await_blocks(contact.blocks.done, contact.blocks.force_count)
+                leave_blocks(contact.blocks.done, contact.blocks.force_count, contact.blocks.move_count, arrived)
             return
         context = patch_context(step, patches, patch, overflow, lane)
-        work = work_edges(context, state, first, second, soon)
+        work = functions.work_edges(context, state, first, second, soon)
         if wp.static(not keeps):
-            work_corners(context, work)
+            functions.work_corners(context, work)
         load_no_earlier()
         local = int(lane)
         own = wp.min(local, patch.owned_count - 1)
-        index = own_vertex(patches, patch, own)
+        index = functions.own_vertex(patches, patch, own)
         moves = free(model, index)
         vertex = read_vertex(context, model, state, own, index, item)
         vertex.free = moves
         if wp.static(keeps):
-            work_corners(context, work)
+            functions.work_corners(context, work)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
-        if wp.static(not cloth_contact):
+        if wp.static(not options.cloth_contact):
             known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
         wait_for_block()
+        if wp.static(presses):  # all that need not wait for those that press
+            known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
+            load = vec4()
+            if local < patch.owned_count:
+                load = functions.vertex_load(context, local, edges, triangles)
+            arrived = await_blocks(contact.blocks.done, contact.blocks.force_count)
         if local < patch.owned_count:
-            load = vertex_load(context, local, edges, triangles)
-            iteration, path = int(0), wp.int64(0)
-            if wp.static(cloth_contact):
+            if wp.static(not presses):
+                load = functions.vertex_load(context, local, edges, triangles)
+            if wp.static(options.cloth_contact and not presses):
                 known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
-                iteration, path = load_bounds(contact, index)
-            position, move, inertial = move_vertex(state, step, colliders, contact, known, load, vertex)
-            put_displacement(displacement_out, index, inertial)
-            put_position(position_out, index, position)
-            if wp.static(cloth_contact):
-                note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)
+            move_vertex(state, step, colliders, contact, known, load, vertex, position_out, displacement_out)
+        if wp.static(presses):
+            leave_blocks(contact.blocks.done, contact.blocks.force_count, contact.blocks.move_count, arrived)
 
     return advance_vertices
-
-
-@functools.cache
-def _advance_pressing_kernel(options: KernelOptions) -> wp.Kernel:
-    """Kernel ``press_and_advance``: the first blocks press pairs of cloth, while the others compute what they own."""
-    types, keeps = cloth_types(options.precision), _keeps(options)
-    point, vec4, Model, State, Step = types.point, types.vec4, types.Model, types.State, types.Step
-    order = order_functions(options.precision, options.packed, options.in_order)
-    put_position, put_displacement = order.put_position, order.put_displacement
-    patch_context, prefetch, move_vertex = (
-        context_function(options), prefetch_function(options), move_function(options),
-    )  # fmt: skip
-    add_block_forces = block_forces_function(options.precision, Accumulate.STIFFNESS, in_order=True)
-    functions = patch_functions(options)
-    own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
-    work_edges, work_corners, vertex_load = functions.work_edges, functions.work_corners, functions.vertex_load
-    read_vertex, free = block_read_function(options), free_function(options.precision, options.terms.pins)
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=_launch_bounds(options))
-    def press_and_advance(
-        model: Model,
-        state: State,
-        step: Step,
-        colliders: colliders_type(options.avatar_contact, options.collider),
-        contact: cloth_contact_type(True),
-        patches: types.Patches,
-        overflow: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
-        position_out: wp.array(dtype=point),  # [m], shape [V]
-        displacement_out: wp.array(dtype=order.move),  # [m], shape [V]
-    ):
-        """Presses pairs of cloth, and moves each free vertex of an item that is not at rest by all forces there."""
-        thread = wp.tid()
-        lane = lane_of(thread)
-        block = block_of(thread)
-        if block < contact.blocks.force_count:
-            add_block_forces(step, state, contact, thread, contact.blocks.force_count)
-            signal_done(contact.blocks.done)
-            return
-        block -= contact.blocks.force_count
-        patch = patch_of(patches.patch, block)
-        item = model.items[patch.item]
-        first, second = two_vertices(patches, patch, lane)
-        if leaves(item.active, patch, first, second):
-            came = await_blocks(contact.blocks.done, contact.blocks.force_count)
-            leave_blocks(contact.blocks.done, contact.blocks.force_count, contact.blocks.move_count, came)
-            return
-        context = patch_context(step, patches, patch, overflow, lane)
-        work = work_edges(context, state, first, second, Patch())
-        if wp.static(not keeps):
-            work_corners(context, work)
-        load_no_earlier()
-        local = int(lane)
-        own = wp.min(local, patch.owned_count - 1)
-        index = own_vertex(patches, patch, own)
-        moves = free(model, index)
-        vertex = read_vertex(context, model, state, own, index, item)
-        vertex.free = moves
-        if wp.static(keeps):
-            work_corners(context, work)
-        edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
-        wait_for_block()
-        # all that need not wait for those that press
-        known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
-        load = vec4()
-        if local < patch.owned_count:
-            load = vertex_load(context, local, edges, triangles)
-        came = await_blocks(contact.blocks.done, contact.blocks.force_count)
-        if local < patch.owned_count:
-            iteration, path = load_bounds(contact, index)
-            position, move, inertial = move_vertex(state, step, colliders, contact, known, load, vertex)
-            put_displacement(displacement_out, index, inertial)
-            put_position(position_out, index, position)
-            note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)
-        leave_blocks(contact.blocks.done, contact.blocks.force_count, contact.blocks.move_count, came)
-
-    return press_and_advance
 
 
 @functools.cache
 def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
     """Kernel ``advance_large``, where some patch is too large for a block's own memory or threads."""
     types, cloth_contact = cloth_types(options.precision), options.cloth_contact
-    point, Model, State, Step = types.point, types.Model, types.State, types.Step
-    order = order_functions(options.precision, options.packed, options.in_order)
-    put_position, put_displacement = order.put_position, order.put_displacement
+    Model, State, Step = types.Model, types.State, types.Step
     patch_context, prefetch, move_vertex = (
         context_function(options), prefetch_function(options), move_function(options),
     )  # fmt: skip
-    functions = patch_functions(options)
-    own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
-    work_edges, work_corners = functions.work_edges, functions.work_corners
-    vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
+    functions, next_patch = patch_functions(options), next_functions(options.precision).next_patch
     read_vertex, free = read_function(options), free_function(options.precision, options.terms.pins)
-    next_patch = next_functions(options.precision).next_patch
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=_launch_bounds(options))
     def advance_large(
@@ -400,8 +341,8 @@ def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
         contact: cloth_contact_type(cloth_contact),
         patches: types.Patches,
         overflow: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
-        position_out: wp.array(dtype=point),  # [m], shape [V]
-        displacement_out: wp.array(dtype=order.move),  # [m], shape [V]
+        position_out: wp.array(dtype=types.point),  # [m], shape [V]
+        displacement_out: wp.array(dtype=move_type(options)),  # [m], shape [V]
     ):
         """Moves each free vertex of an item that is not at rest by the forces that meet there; pinned ones stay."""
         thread = wp.tid()
@@ -413,31 +354,24 @@ def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
         if wp.static(options.paired and not cloth_contact):
             if fetches(NEXT_WARP):
                 soon = next_patch(patches, block)
-        first, second = two_vertices(patches, patch, lane)
+        first, second = functions.two_vertices(patches, patch, lane)
         if leaves(item.active, patch, first, second):
             return
         context = patch_context(step, patches, patch, overflow, lane)
-        work = work_edges(context, state, first, second, soon)
-        work_corners(context, work)
+        work = functions.work_edges(context, state, first, second, soon)
+        functions.work_corners(context, work)
         load_no_earlier()
         local = int(lane)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         wait_for_block()
         while local < patch.owned_count:
-            index = own_vertex(patches, patch, local)
+            index = functions.own_vertex(patches, patch, local)
             vertex = read_vertex(model, state, index, patch.item, item)
             vertex.free = free(model, index)
-            load = vertex_load(context, local, edges, triangles)
+            load = functions.vertex_load(context, local, edges, triangles)
             known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
-            iteration, path = int(0), wp.int64(0)
-            if wp.static(cloth_contact):
-                iteration, path = load_bounds(contact, index)
-            position, move, inertial = move_vertex(state, step, colliders, contact, known, load, vertex)
-            put_displacement(displacement_out, index, inertial)
-            put_position(position_out, index, position)
-            if wp.static(cloth_contact):
-                note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)
+            move_vertex(state, step, colliders, contact, known, load, vertex, position_out, displacement_out)
             local += block_threads()
-            edges, triangles = vertex_slots(patches, patch, local)
+            edges, triangles = functions.vertex_slots(patches, patch, local)
 
     return advance_large

@@ -129,80 +129,66 @@ def order_functions(precision: str, packed: bool, in_order: bool = True) -> Simp
     four numbers.
     """
     types = cloth_types(precision)
-    point, vec3, vec4, vec6, State = types.point, types.vec3, types.vec4, types.vec6, types.State
+    point, vec3, vec6, State = types.point, types.vec3, types.vec6, types.State
     sized, first_three = with_length_function(precision), three_function(precision)
+    stored = types.vec4 if in_order else vec3
 
     @wp.func
     def position_at(state: State, vertex: int):
         """Where a vertex is [m]."""
+        if wp.static(packed):
+            return packed_point(state.position, vertex)
         return element(state.position, vertex)
-
-    @wp.func
-    def packed_position_at(state: State, vertex: int):
-        """Where a vertex is [m]."""
-        return packed_point(state.position, vertex)
 
     @wp.func
     def displacement4_at(state: State, vertex: int):
         """What last moved a vertex, and how long it is [m]."""
+        if wp.static(in_order):
+            return element(state.displacement4, vertex)
         return sized(element(state.displacement, vertex))
-
-    @wp.func
-    def packed_displacement4_at(state: State, vertex: int):
-        """What last moved a vertex, and how long it is [m]."""
-        return element(state.displacement4, vertex)
 
     @wp.func
     def displacement_at(state: State, vertex: int):
         """What last moved a vertex [m]."""
+        if wp.static(in_order):
+            return first_three(element(state.displacement4, vertex))
         return element(state.displacement, vertex)
 
     @wp.func
-    def packed_displacement_at(state: State, vertex: int):
-        """What last moved a vertex [m]."""
-        return first_three(element(state.displacement4, vertex))
-
-    @wp.func
-    def put_displacement(move_out: wp.array(dtype=vec3), vertex: int, move: vec3):
+    def put_displacement(move_out: wp.array(dtype=stored), vertex: int, move: vec3):
         """Writes what moves a vertex."""
-        put(move_out, vertex, move)
-
-    @wp.func
-    def put_displacement4(move_out: wp.array(dtype=vec4), vertex: int, move: vec3):
-        """Writes what moves a vertex."""
-        put(move_out, vertex, sized(move))
+        if wp.static(in_order):
+            put(move_out, vertex, sized(move))
+        else:
+            put(move_out, vertex, move)
 
     @wp.func
     def put_position(position_out: wp.array(dtype=point), vertex: int, position: point):
         """Writes where a vertex is."""
-        put(position_out, vertex, position)
+        if wp.static(packed):
+            put_packed_point(position_out, vertex, position)
+        else:
+            put(position_out, vertex, position)
 
     @wp.func
     def compliance_at(state: State, vertex: int):
         """A vertex' compliance."""
+        if wp.static(packed):
+            return packed_six(state.compliance, vertex)
         return state.compliance[vertex]
-
-    @wp.func
-    def packed_compliance_at(state: State, vertex: int):
-        """A vertex' compliance."""
-        return packed_six(state.compliance, vertex)
 
     @wp.func
     def put_compliance(compliance_out: wp.array(dtype=vec6), vertex: int, compliance: vec6):
         """Writes a vertex' compliance."""
-        compliance_out[vertex] = compliance
+        if wp.static(packed):
+            put_packed_six(compliance_out, vertex, compliance)
+        else:
+            compliance_out[vertex] = compliance
 
-    moves = (
-        (packed_displacement4_at, packed_displacement_at, put_displacement4, vec4)
-        if in_order
-        else (displacement4_at, displacement_at, put_displacement, vec3)
-    )
     return SimpleNamespace(
-        position_at=packed_position_at if packed else position_at,
-        put_position=put_packed_point if packed else put_position,
-        displacement4_at=moves[0], displacement_at=moves[1], put_displacement=moves[2], move=moves[3],
-        compliance_at=packed_compliance_at if packed else compliance_at,
-        put_compliance=put_packed_six if packed else put_compliance,
+        position_at=position_at, put_position=put_position, displacement4_at=displacement4_at,
+        displacement_at=displacement_at, put_displacement=put_displacement, move=stored,
+        compliance_at=compliance_at, put_compliance=put_compliance,
     )  # fmt: skip
 
 
