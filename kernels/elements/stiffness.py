@@ -99,7 +99,6 @@ def linearise_hinges_kernel(precision: str, angles: bool) -> wp.Kernel:
 
 @functools.cache
 def linearise_weave_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``linearise_weave``."""
     types = cloth_types(precision)
     real, State, Weave = types.real, types.State, types.Weave
     vec6 = stiffness_types(precision).vec6
@@ -148,7 +147,6 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def couple_pairs_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``couple_pairs``."""
     types, own = cloth_types(precision), stiffness_types(precision)
     real, vec3, State, Edges = types.real, types.vec3, types.State, types.Edges
     mat3, vec6, Pairs = own.mat3, own.vec6, own.Pairs

@@ -30,7 +30,6 @@ SNAPPING_OSCILLATION = wp.constant(0.1)
 
 @functools.cache
 def adapt_inertia_function(precision: str) -> wp.Function:
-    """The function ``adapt_inertia``."""
     real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
     vec6 = cloth_types(precision).vec6
     ImplicitState = system_types(precision).ImplicitState
@@ -57,7 +56,6 @@ def adapt_inertia_function(precision: str) -> wp.Function:
 
 @functools.cache
 def grow_free_fall_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``grow_free_fall``."""
     real, ImplicitState = cloth_types(precision).real, system_types(precision).ImplicitState
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)

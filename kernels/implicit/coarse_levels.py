@@ -22,7 +22,6 @@ COARSEST_THREADS = 1024  # of the one block that works on the coarsest levels, o
 
 @functools.cache
 def coarsen_stiffness_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``coarsen_stiffness``."""
     vec6, CsrMatrix = cloth_types(precision).vec6, sparse_types(precision).CsrMatrix
     row_product = row_product_function(precision, vec6)
 
@@ -43,7 +42,6 @@ def coarsen_stiffness_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def coarsen_anchors_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``coarsen_anchors``."""
     vec6, CsrMatrix = cloth_types(precision).vec6, sparse_types(precision).CsrMatrix
     add_in_lane_order = add_in_lane_order_function(precision, vec6)
 
@@ -81,7 +79,6 @@ def coarsen_anchors_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def restrict_residual_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``restrict_residual``."""
     vec3, CsrMatrix = cloth_types(precision).vec3, sparse_types(precision).CsrMatrix
     row_product = row_product_function(precision, vec3)
 
@@ -102,7 +99,6 @@ def restrict_residual_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def prolong_correction_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``prolong_correction``."""
     vec3, vec6 = cloth_types(precision).vec3, cloth_types(precision).vec6
     CsrMatrix = sparse_types(precision).CsrMatrix
     add_row = add_row_function(precision)
@@ -127,7 +123,6 @@ def prolong_correction_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def correct_coarsest_levels_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``correct_coarsest_levels``."""
     vec3, vec6 = cloth_types(precision).vec3, cloth_types(precision).vec6
     CsrMatrix = sparse_types(precision).CsrMatrix
     add_row, row_product = add_row_function(precision), row_product_function(precision, vec3)

@@ -42,7 +42,6 @@ def coupled_function(precision: str) -> wp.Function:
 
 @functools.cache
 def subtract_initial_guess_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``subtract_initial_guess``."""
     real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
     types, coupled, filtered = system_types(precision), coupled_function(precision), filter_function(precision)
     LinearSystem, SolutionState = types.LinearSystem, types.SolutionState
@@ -67,7 +66,6 @@ def subtract_initial_guess_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def precondition_residual_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``precondition_residual``."""
     vec3, CsrMatrix = cloth_types(precision).vec3, sparse_types(precision).CsrMatrix
     LinearSystem, SolutionState = system_types(precision).LinearSystem, system_types(precision).SolutionState
     add_row = add_row_function(precision)
@@ -103,7 +101,6 @@ def precondition_residual_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def update_direction_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``update_direction``."""
     real, SolutionState = cloth_types(precision).real, system_types(precision).SolutionState
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -127,7 +124,6 @@ def update_direction_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def multiply_direction_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``multiply_direction``."""
     vec3, types = cloth_types(precision).vec3, system_types(precision)
     LinearSystem, SolutionState = types.LinearSystem, types.SolutionState
     coupled, filtered = coupled_function(precision), filter_function(precision)
@@ -159,7 +155,6 @@ def multiply_direction_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def advance_solution_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``advance_solution``."""
     real, SolutionState = cloth_types(precision).real, system_types(precision).SolutionState
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)

@@ -16,7 +16,6 @@ from warp_cloth.kernels.implicit.system import system_types
 
 @functools.cache
 def measure_momentum_work_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``measure_momentum_work``."""
     types = system_types(precision)
     LinearSystem, SolutionState, ImplicitState = types.LinearSystem, types.SolutionState, types.ImplicitState
 
@@ -44,7 +43,6 @@ def measure_momentum_work_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def adapt_momentum_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``adapt_momentum``."""
     real, ImplicitState = cloth_types(precision).real, system_types(precision).ImplicitState
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)

@@ -49,7 +49,6 @@ def lever_function(precision: str) -> wp.Function:
 
 @functools.cache
 def store_quarter_function(precision: str) -> wp.Function:
-    """The function ``store_quarter``."""
     mat3, RigidLevel = stiffness_types(precision).mat3, rigid_types(precision).RigidLevel
 
     @wp.func
@@ -64,7 +63,6 @@ def store_quarter_function(precision: str) -> wp.Function:
 
 @functools.cache
 def assemble_blocks_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``assemble_blocks``."""
     types, own, RigidLevel = cloth_types(precision), stiffness_types(precision), rigid_types(precision).RigidLevel
     mat3, vec6, State = own.mat3, own.vec6, types.State
     full_matrix, lever = symmetric_matrix_functions(precision).full_matrix, lever_function(precision)
@@ -125,7 +123,6 @@ def assemble_blocks_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def invert_diagonal_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``invert_diagonal``."""
     mat3, RigidLevel = stiffness_types(precision).mat3, rigid_types(precision).RigidLevel
     symmetric = symmetric_matrix_functions(precision)
     upper_triangle, full_matrix = symmetric.upper_triangle, symmetric.full_matrix

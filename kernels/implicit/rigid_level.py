@@ -20,7 +20,6 @@ from warp_cloth.kernels.implicit.system import filter_function, system_types
 
 @functools.cache
 def place_centres_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``place_centres``."""
     types, RigidLevel = cloth_types(precision), rigid_types(precision).RigidLevel
     real, point, State = types.real, types.point, types.State
 
@@ -41,7 +40,6 @@ def place_centres_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def restrict_wrenches_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``restrict_wrenches``."""
     types, own = cloth_types(precision), rigid_types(precision)
     vec3, State, RigidLevel, RigidState = types.vec3, types.State, own.RigidLevel, own.RigidState
 
@@ -66,7 +64,6 @@ def restrict_wrenches_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def prolong_motion_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``prolong_motion``."""
     types, own, fine = cloth_types(precision), rigid_types(precision), system_types(precision)
     real, vec3, State, RigidLevel, RigidState = types.real, types.vec3, types.State, own.RigidLevel, own.RigidState
     LinearSystem, SolutionState, filtered = fine.LinearSystem, fine.SolutionState, filter_function(precision)

@@ -44,7 +44,6 @@ def precondition_function(precision: str) -> wp.Function:
 
 @functools.cache
 def begin_chunk_function(precision: str) -> wp.Function:
-    """The function ``begin_chunk``."""
     vec3, own = cloth_types(precision).vec3, rigid_types(precision)
     RigidLevel, RigidState, precondition = own.RigidLevel, own.RigidState, precondition_function(precision)
 
@@ -77,7 +76,6 @@ def begin_chunk_function(precision: str) -> wp.Function:
 
 @functools.cache
 def resistance_function(precision: str) -> wp.Function:
-    """The function ``resistance``."""
     vec3, RigidState = cloth_types(precision).vec3, rigid_types(precision).RigidState
 
     @wp.func
@@ -114,7 +112,6 @@ def block_product_function(precision: str) -> wp.Function:
 
 @functools.cache
 def multiply_chunk_function(precision: str) -> wp.Function:
-    """The function ``multiply_chunk``."""
     real, vec3, own = cloth_types(precision).real, cloth_types(precision).vec3, rigid_types(precision)
     RigidLevel, RigidState, vectors = own.RigidLevel, own.RigidState, wp.array(dtype=vec3)
     coherent_load, resistance = coherent_load_function(precision), resistance_function(precision)
@@ -164,7 +161,6 @@ def multiply_chunk_function(precision: str) -> wp.Function:
 
 @functools.cache
 def advance_chunk_function(precision: str) -> wp.Function:
-    """The function ``advance_chunk``."""
     real, vec3, own = cloth_types(precision).real, cloth_types(precision).vec3, rigid_types(precision)
     RigidLevel, RigidState = own.RigidLevel, own.RigidState
     sums, vectors = wp.array(dtype=wp.float64), wp.array(dtype=vec3)
@@ -189,7 +185,6 @@ def advance_chunk_function(precision: str) -> wp.Function:
 
 @functools.cache
 def solve_rigid_level_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``solve_rigid_level``."""
     real, vec3, own = cloth_types(precision).real, cloth_types(precision).vec3, rigid_types(precision)
     RigidLevel, RigidState = own.RigidLevel, own.RigidState
     sums, vectors = wp.array(dtype=wp.float64), wp.array(dtype=vec3)

@@ -334,7 +334,6 @@ def first_of_packet(number: int, count: int) -> int:
 
 @functools.cache
 def active_lanes_function(precision: str) -> wp.Function:
-    """The function ``active_lanes``."""
     Model, rests = cloth_types(precision).Model, rest_function(precision)
 
     @wp.func

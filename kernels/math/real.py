@@ -46,35 +46,21 @@ _QUOTIENT = """
 """
 
 
-@wp.func_native(_ROOT)
-def root(x: wp.float32) -> wp.float32:
-    """Square root of x >= 0, correctly rounded; 0 below 4e-31."""
-    ...
+for _real, _root, _quotient in ((wp.float32, _ROOT, _QUOTIENT), (wp.float64, "return sqrt(x);", "return a / b;")):
+
+    @wp.func_native(_root)
+    def root(x: _real) -> _real:
+        """Square root of x >= 0, correctly rounded; in float32 0 below 4e-31."""
+        ...
+
+    @wp.func_native(_quotient)
+    def quotient(a: _real, b: _real) -> _real:
+        """a / b, in float32 for 1e-36 < b < 1e13, correctly rounded; there 0 where |a| is below 1e-24."""
+        ...
 
 
 reference(root, lambda x: x**0.5 * (x >= 4.0e-31))
-
-
-@wp.func_native("return sqrt(x);")
-def root(x: wp.float64) -> wp.float64:
-    """Square root in float64, whose own function has no such branches."""
-    ...
-
-
-@wp.func_native(_QUOTIENT)
-def quotient(a: wp.float32, b: wp.float32) -> wp.float32:
-    """a / b for 1e-36 < b < 1e13, correctly rounded; 0 where |a| is below 1e-24."""
-    ...
-
-
 reference(quotient, lambda a, b: a / b * (abs(a) >= 1.0e-24))
-
-
-@wp.func_native("return a / b;")
-def quotient(a: wp.float64, b: wp.float64) -> wp.float64:
-    """a / b in float64."""
-    ...
-
 
 _SIGNED_SUM = """
     const %(real)s sign = back ? %(real)s(-1) : %(real)s(1);
@@ -86,19 +72,15 @@ _SIGNED_SUM = """
 """
 
 
-@wp.func_native(_SIGNED_SUM % {"real": "wp::float32"})
-def signed_sum(sum: wp.vec4f, load: wp.vec4f, back: int) -> wp.vec4f:
-    """A sum of loads and one more, its force reversed where ``back`` is not 0; rounds as if multiplied by +-1."""
-    ...
+for _real, _four in (("wp::float32", wp.vec4f), ("wp::float64", wp.vec4d)):
+
+    @wp.func_native(_SIGNED_SUM % {"real": _real})
+    def signed_sum(sum: _four, load: _four, back: int) -> _four:
+        """A sum of loads and one more, its force reversed where ``back`` is not 0; rounds as if multiplied by +-1."""
+        ...
 
 
 reference(signed_sum, lambda sum, load, back: sum + load * [1 - 2 * back, 1 - 2 * back, 1 - 2 * back, 1])
-
-
-@wp.func_native(_SIGNED_SUM % {"real": "wp::float64"})
-def signed_sum(sum: wp.vec4d, load: wp.vec4d, back: int) -> wp.vec4d:
-    """The same in float64."""
-    ...
 
 
 _FUSED = """
@@ -125,60 +107,33 @@ _SCALED_SUM = """
 _SINGLE = {"cuda": "__fmaf_rn", "host": "__builtin_fmaf"}
 _DOUBLE = {"cuda": "__fma_rn", "host": "__builtin_fma"}
 
+for _real, _three, _fma in ((wp.float32, wp.vec3f, _SINGLE), (wp.float64, wp.vec3d, _DOUBLE)):
 
-@wp.func_native(_FUSED % _SINGLE)
-def fused(a: wp.float32, b: wp.float32, c: wp.float32) -> wp.float32:
-    """a b + c, rounded once."""
-    ...
+    @wp.func_native(_FUSED % _fma)
+    def fused(a: _real, b: _real, c: _real) -> _real:
+        """a b + c, rounded once."""
+        ...
 
+    @wp.func_native(_INNER % _fma)
+    def inner(a: _three, b: _three) -> _real:
+        """Dot product; what is multiplied and added is rounded once."""
+        ...
 
-reference(fused, lambda a, b, c: a * b + c)
-
-
-@wp.func_native(_FUSED % _DOUBLE)
-def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64:
-    """a b + c in float64, rounded once."""
-    ...
-
-
-@wp.func_native(_INNER % _SINGLE)
-def inner(a: wp.vec3f, b: wp.vec3f) -> wp.float32:
-    """Dot product; what is multiplied and added is rounded once."""
-    ...
-
-
-reference(inner, lambda a, b: a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-
-
-@wp.func_native(_INNER % _DOUBLE)
-def inner(a: wp.vec3d, b: wp.vec3d) -> wp.float64:
-    """Dot product in float64."""
-    ...
-
-
-@wp.func_native(_SCALED_SUM % _SINGLE)
-def scaled_sum(a: wp.vec3f, b: wp.float32, c: wp.vec3f) -> wp.vec3f:
-    """a b + c, each component rounded once."""
-    ...
-
-
-reference(scaled_sum, lambda a, b, c: a * b + c)
-
-
-@wp.func_native(_SCALED_SUM % _DOUBLE)
-def scaled_sum(a: wp.vec3d, b: wp.float64, c: wp.vec3d) -> wp.vec3d:
-    """a b + c in float64."""
-    ...
-
-
-for _real in (wp.float32, wp.float64):
+    @wp.func_native(_SCALED_SUM % _fma)
+    def scaled_sum(a: _three, b: _real, c: _three) -> _three:
+        """a b + c, each component rounded once."""
+        ...
 
     @wp.func_native("return which > 0 ? yes : no;")
     def where_positive(which: _real, yes: _real, no: _real) -> _real:
         """``yes`` where ``which`` > 0, else ``no``."""
         ...
 
-    reference(where_positive, lambda which, yes, no: (which > 0) * yes + (which <= 0) * no)
+
+reference(fused, lambda a, b, c: a * b + c)
+reference(inner, lambda a, b: a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+reference(scaled_sum, lambda a, b, c: a * b + c)
+reference(where_positive, lambda which, yes, no: (which > 0) * yes + (which <= 0) * no)
 
 
 # four at a time: the CPU has instructions for that
@@ -209,43 +164,35 @@ _CHOSEN = """
 _ROOTS = "const Four s = __builtin_elementwise_sqrt(v); const Four r = v < 4.0e-31f ? (Four)0.0f : s;"
 
 
-@wp.func_native(_FOUR % {"cuda": _ROOT, "host": _ROOTS})
-def root(x: wp.vec4f) -> wp.vec4f:
-    """``root`` of four."""
-    ...
+_RECIPROCALS = {"cuda": "const float a = 1.0f, b = x;" + _QUOTIENT, "host": "const Four r = 1.0f / v;"}
+_ROOTS_64 = "return {sqrt(x[0]), sqrt(x[1]), sqrt(x[2]), sqrt(x[3])};"
+_RECIPROCALS_64 = "return {1.0 / x[0], 1.0 / x[1], 1.0 / x[2], 1.0 / x[3]};"
 
+for _four, _roots, _reciprocals in (
+    (wp.vec4f, _FOUR % {"cuda": _ROOT, "host": _ROOTS}, _FOUR % _RECIPROCALS),
+    (wp.vec4d, _ROOTS_64, _RECIPROCALS_64),
+):
 
-@wp.func_native("return {sqrt(x[0]), sqrt(x[1]), sqrt(x[2]), sqrt(x[3])};")
-def root(x: wp.vec4d) -> wp.vec4d:
-    """``root`` of four in float64."""
-    ...
+    @wp.func_native(_roots)
+    def root(x: _four) -> _four:
+        """``root`` of four."""
+        ...
 
-
-@wp.func_native(_FOUR % {"cuda": "const float a = 1.0f, b = x;" + _QUOTIENT, "host": "const Four r = 1.0f / v;"})
-def reciprocal(x: wp.vec4f) -> wp.vec4f:
-    """``quotient`` of 1 and each of four."""
-    ...
+    @wp.func_native(_reciprocals)
+    def reciprocal(x: _four) -> _four:
+        """``quotient`` of 1 and each of four."""
+        ...
 
 
 reference(reciprocal, lambda x: 1 / x)
 
 
-@wp.func_native("return {1.0 / x[0], 1.0 / x[1], 1.0 / x[2], 1.0 / x[3]};")
-def reciprocal(x: wp.vec4d) -> wp.vec4d:
-    """``quotient`` of 1 and each of four in float64."""
-    ...
+for _name, _four in (("float", wp.vec4f), ("double", wp.vec4d)):
 
-
-@wp.func_native(_CHOSEN % {"real": "float"})
-def where_positive(which: wp.vec4f, yes: wp.vec4f, no: wp.vec4f) -> wp.vec4f:
-    """``yes`` where ``which`` > 0, else ``no``, of each of four."""
-    ...
-
-
-@wp.func_native(_CHOSEN % {"real": "double"})
-def where_positive(which: wp.vec4d, yes: wp.vec4d, no: wp.vec4d) -> wp.vec4d:
-    """The same in float64."""
-    ...
+    @wp.func_native(_CHOSEN % {"real": _name})
+    def where_positive(which: _four, yes: _four, no: _four) -> _four:
+        """``yes`` where ``which`` > 0, else ``no``, of each of four."""
+        ...
 
 
 _INNER_PACKET = "__builtin_elementwise_fma(u[2], v[2], __builtin_elementwise_fma(u[1], v[1], u[0] * v[0]))"

@@ -247,7 +247,6 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
 
 @functools.cache
 def transfer_function(precision: str) -> wp.Function:
-    """The function ``transferred``."""
     types = cloth_types(precision)
     real, vec3, vec6 = types.real, types.vec3, types.vec6
     half = wp.constant(real(0.5))

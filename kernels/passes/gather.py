@@ -156,12 +156,7 @@ def load_functions(options: KernelOptions) -> SimpleNamespace:
         return edges, triangles
 
     @wp.func
-    def vertex_load(
-        context: Context,
-        local: int,
-        edges: wp.vec4i,
-        triangles: wp.vec4i,
-    ):
+    def vertex_load(context: Context, local: int, edges: wp.vec4i, triangles: wp.vec4i):
         """Sum over the edges, then over the triangles at a vertex that the patch owns; what is not there is nothing.
 
         The last two are of ``vertex_slots``.

@@ -20,8 +20,7 @@ from warp_cloth.kernels.patches.steps import packed, point_functions
 def sides_functions(options: KernelOptions) -> SimpleNamespace:
     """Functions ``fold_at``, ``oriented``, ``side_fold`` and ``sides_of``, by which a triangle is computed."""
     precision, terms, fits, accumulate = options.precision, options.terms, options.fits, options.accumulate
-    Context = context_type(precision)
-    types = cloth_types(precision)
+    types, Context = cloth_types(precision), context_type(precision)
     vec3 = types.vec3
     functions = memory_functions(precision, fits)
     point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
@@ -90,8 +89,7 @@ def triangle_table_function(precision: str, terms: Terms) -> wp.Function:
 def corners_function(options: KernelOptions) -> wp.Function:
     """The function that computes a triangle from what is known of it."""
     precision, terms, fits, accumulate = options.precision, options.terms, options.fits, options.accumulate
-    Context = context_type(precision)
-    types = cloth_types(precision)
+    types, Context = cloth_types(precision), context_type(precision)
     vec3, vec4, Sides = types.vec3, types.vec4, types.Sides
     write_4, size_4 = memory_functions(precision, fits).write_4, 4 * types.real_size
     corner_loads, corner_stride = corner_function(precision, accumulate, terms), stride_function(terms)
@@ -124,8 +122,7 @@ def corners_function(options: KernelOptions) -> wp.Function:
 def nothing_step(options: KernelOptions) -> wp.Function:
     """The function that puts nothing after what triangles do."""
     precision, terms, fits = options.precision, options.terms, options.fits
-    Context = context_type(precision)
-    types = cloth_types(precision)
+    types, Context = cloth_types(precision), context_type(precision)
     vec4, size_4 = types.vec4, 4 * types.real_size
     write_4, corner_stride = memory_functions(precision, fits).write_4, stride_function(terms)
 
@@ -153,11 +150,7 @@ def triangles_step(options: KernelOptions) -> wp.Function:
     triangle_table = triangle_table_function(precision, terms)
 
     @wp.func
-    def work_triangles(
-        context: Context,
-        first_sides: wp.uint64,
-        first_corners: wp.uint64,
-    ):
+    def work_triangles(context: Context, first_sides: wp.uint64, first_corners: wp.uint64):
         """What hinges and yarns of triangles do to their corners; the last two are of the thread's first one."""
         count = context.patch.triangle_count
         local = int(context.lane)

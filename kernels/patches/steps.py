@@ -130,12 +130,7 @@ def vertices_step(options: KernelOptions) -> SimpleNamespace:
         return vertex_at(patches, patch, local), vertex_at(patches, patch, local + block_threads())
 
     @wp.func
-    def read_vertices(
-        context: Context,
-        state: State,
-        first: int,
-        second: int,
-    ):
+    def read_vertices(context: Context, state: State, first: int, second: int):
         """Brings the vertices that the patch needs into the block's memory, two of each thread at a time.
 
         The last two are of ``two_vertices``, which is called as early as may be.
@@ -163,10 +158,7 @@ def normals_step(options: KernelOptions) -> wp.Function:
     triangle_normal = triangle_functions(precision, Accumulate.NONE).triangle_normal
 
     @wp.func
-    def work_normals(
-        context: Context,
-        first: wp.uint64,
-    ):
+    def work_normals(context: Context, first: wp.uint64):
         """Normals of the patch's triangles and of those beyond its edges; ``first``: corners of a thread's first."""
         local = int(context.lane)
         if wp.static(paired):
@@ -305,11 +297,7 @@ def edges_step(options: KernelOptions) -> wp.Function:
     difference = difference_function(precision)
 
     @wp.func
-    def work_edges(
-        context: Context,
-        first_word: wp.uint64,
-        first_law: vec4,
-    ):
+    def work_edges(context: Context, first_word: wp.uint64, first_law: vec4):
         """Tensions and hinges of the patch's edges; the last two are of the thread's first edge."""
         local = int(context.lane)
         if wp.static(paired):

@@ -146,8 +146,7 @@ def item_functions(precision: str, fits: bool) -> SimpleNamespace:
 def item_normals_step(options: KernelOptions) -> wp.Function:
     """The function that computes items as they lie."""
     precision, fits = options.precision, options.fits
-    Context = context_type(precision)
-    types = cloth_types(precision)
+    types, Context = cloth_types(precision), context_type(precision)
     PatchItem, size_4 = item_type(precision), 4 * types.real_size
     functions, write_4 = item_functions(precision, fits), memory_functions(precision, fits).write_4
     load_item, measure_item = functions.load_item, functions.measure_item
@@ -164,10 +163,7 @@ def item_normals_step(options: KernelOptions) -> wp.Function:
             )
 
     @wp.func
-    def work_item_normals(
-        context: Context,
-        loaded: PatchItem,
-    ):
+    def work_item_normals(context: Context, loaded: PatchItem):
         """Normals of the items' triangles; returns the thread's own; ``loaded`` is of ``load_item``."""
         item = PatchItem()
         if wp.static(fits):
@@ -188,8 +184,7 @@ def item_normals_step(options: KernelOptions) -> wp.Function:
 def item_edges_step(options: KernelOptions) -> SimpleNamespace:
     """Functions ``load_laws`` and ``work_item_edges``."""
     precision, fits = options.precision, options.fits
-    Context = context_type(precision)
-    types = cloth_types(precision)
+    types, Context = cloth_types(precision), context_type(precision)
     vec4, Patches, PatchItem = types.vec4, types.Patches, item_type(precision)
     functions, read_4 = item_functions(precision, fits), memory_functions(precision, fits).read_4
     load_item, measure_item, item_side = functions.load_item, functions.measure_item, functions.item_side
@@ -206,14 +201,7 @@ def item_edges_step(options: KernelOptions) -> SimpleNamespace:
         return item
 
     @wp.func
-    def taken_edge(
-        context: Context,
-        local: int,
-        item: PatchItem,
-        code: int,
-        beyond: int,
-        law: vec4,
-    ):
+    def taken_edge(context: Context, local: int, item: PatchItem, code: int, beyond: int, law: vec4):
         """An edge that an item takes, and the triangle beyond; where it takes none, nobody reads the result."""
         which = code & 7
         on_second = which == wp.static(SIDE_AD) or which == wp.static(SIDE_DB)
@@ -226,11 +214,7 @@ def item_edges_step(options: KernelOptions) -> SimpleNamespace:
         put_fold(context, local, fold)
 
     @wp.func
-    def edges_of(
-        context: Context,
-        local: int,
-        item: PatchItem,
-    ):
+    def edges_of(context: Context, local: int, item: PatchItem):
         """Tensions and hinges of an item's edges; returns the shared one's hinge, or any where there is none."""
         law = law_at(context.patches, item.last_law)
         a, b = number_of(item.vertices, 0), number_of(item.vertices, 1)
@@ -246,10 +230,7 @@ def item_edges_step(options: KernelOptions) -> SimpleNamespace:
         return fold
 
     @wp.func
-    def work_item_edges(
-        context: Context,
-        item: PatchItem,
-    ):
+    def work_item_edges(context: Context, item: PatchItem):
         """Edges of the patch's items; the last is the thread's own, with ``load_laws``, and is returned."""
         if wp.static(fits):
             if context.lane < context.patch.item_count:
@@ -270,8 +251,7 @@ def item_edges_step(options: KernelOptions) -> SimpleNamespace:
 def item_corners_step(options: KernelOptions) -> wp.Function:
     """The function that computes what the triangles of items do."""
     precision, fits = options.precision, options.fits
-    Context = context_type(precision)
-    types = cloth_types(precision)
+    types, Context = cloth_types(precision), context_type(precision)
     vec3, vec4, Sides = types.vec3, types.vec4, types.Sides
     PatchItem, size_4 = item_type(precision), 4 * types.real_size
     load_item, read_4 = item_functions(precision, fits).load_item, memory_functions(precision, fits).read_4
@@ -280,14 +260,7 @@ def item_corners_step(options: KernelOptions) -> wp.Function:
     put_corners = corners_function(options)
 
     @wp.func
-    def triangle_corners(
-        context: Context,
-        item: PatchItem,
-        which: int,
-        triangle: int,
-        shared: vec3,
-        normal: vec4,
-    ):
+    def triangle_corners(context: Context, item: PatchItem, which: int, triangle: int, shared: vec3, normal: vec4):
         """What the first or the second triangle of an item does; ``shared``: the hinge of the side opposite c or d."""
         begin = begin_of(item.sides, which)
         one, other = number_of(item.sides, 2 * which), number_of(item.sides, 2 * which + 1)
@@ -301,11 +274,7 @@ def item_corners_step(options: KernelOptions) -> wp.Function:
         put_corners(context, triangle, normal, Sides(), fold_0, fold_1, fold_2)
 
     @wp.func
-    def corners_of(
-        context: Context,
-        local: int,
-        item: PatchItem,
-    ):
+    def corners_of(context: Context, local: int, item: PatchItem):
         """What an item's triangles do to their corners."""
         other = context.patch.item_count + local
         paired = other < context.patch.triangle_count
@@ -317,10 +286,7 @@ def item_corners_step(options: KernelOptions) -> wp.Function:
             triangle_corners(context, item, 1, other, shared, item.normal_1)
 
     @wp.func
-    def work_item_corners(
-        context: Context,
-        item: PatchItem,
-    ):
+    def work_item_corners(context: Context, item: PatchItem):
         """What the items' triangles do to their corners; the last is the thread's own."""
         if wp.static(fits):
             if context.lane < context.patch.item_count:
