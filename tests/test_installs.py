@@ -104,7 +104,7 @@ class Environment:
         (out / "jobs.csv").write_text(JOBS)
         command = (self.bin / "warp-cloth", "batch", out / "jobs.csv", "--out", out, "--device", "cpu")
         done = run(*command, "--workers", "2", "--shard", "1", cwd=cwd, WARP_CLOTH_START_METHOD=method)
-        assert "2 iteration_limit" in succeeded(done)
+        assert "2 iteration limit" in succeeded(done)
         assert pyarrow.parquet.read_table(out / "results.parquet")["status"].to_pylist() == 2 * ["iteration_limit"]
         assert "Traceback" not in done.stderr
 

@@ -50,7 +50,7 @@ def by_language(*languages: str) -> list[Any]:
 by_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")  # of a module xdist may run other modules in between
 def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Path]:
     """The folder of each page, empty at first, in which its blocks run in order."""
     return {page: tmp_path_factory.mktemp("page") for page in PAGES}
