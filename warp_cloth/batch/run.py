@@ -192,7 +192,8 @@ class Batch:
         self._report()
         for shard in left:
             self._pool.submit(Task(self._store, shard, "", shared=self._shared))
-        threading.Thread(target=self._store.preload_tables, daemon=True).start()
+        # no daemon: an exit in the midst of its import of pyarrow hangs or aborts the process
+        threading.Thread(target=self._store.preload_tables).start()
         for result in self._pool.finished():
             if isinstance(result, Lost):
                 self._retry(result)
