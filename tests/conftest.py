@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 from pathlib import Path
 from typing import Any
@@ -27,10 +28,18 @@ def pytest_sessionstart() -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Keeps a file's tests in one process: what they share, kernels above all, is made once."""
-    from xdist.scheduler import LoadFileScheduling
+    """Keeps the tests of a file in one process, or of a page whose code blocks are tests: what they share is made once.
 
-    return LoadFileScheduling(config, log) if config.getoption("dist") == "load" else None
+    Not by xdist's own groups: they are names appended to node ids, which pytest 9.2 no longer lets them change.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByPageOrFile(LoadScopeScheduling):  # type: ignore[misc]
+        def _split_scope(self, nodeid: str) -> str:
+            page = re.search(r"\[(.+\.md):\d+\]$", nodeid)
+            return page[1] if page else nodeid.partition("::")[0]
+
+    return ByPageOrFile(config, log) if config.getoption("dist") == "load" else None
 
 
 @pytest.fixture(scope="session")

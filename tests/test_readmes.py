@@ -37,12 +37,11 @@ PICTURES = sorted((ROOT / ".github").glob("*.png"))
 
 
 def by_language(*languages: str) -> list[Any]:
-    """Blocks as parameters; those of a page run in one process, as later ones may use what earlier ones wrote."""
+    """Blocks as parameters; those of a page run in one process (conftest), as later ones use what others wrote."""
     found = []
     for block in BLOCKS:
         if block.language in languages:
-            page = pytest.mark.xdist_group(str(block.page.relative_to(ROOT)))
-            marks = [page, pytest.mark.long] if "long" in block.marks else [page]
+            marks = [pytest.mark.long] if "long" in block.marks else []
             found.append(pytest.param(block, id=block.place, marks=marks))
     return found
 
