@@ -12,7 +12,7 @@ from warp_cloth.base.mesh import Indices, Points
 SHEET_GAP = 0.012  # [m] between the halves of the sheet
 SLEEVE_GAP = 0.006  # [m]
 PLEAT_GAP = 0.004  # [m] from layer to layer
-BALL = {"shape": {"kind": "sphere", "radius": 0.1, "centre": [0.0, 0.1, 0.0]}}
+BALL = {"shape": {"kind": "sphere", "radius": 0.15, "centre": [0.0, 0.15, 0.0]}}
 HANGING = {"pin": {"loop": "top"}}
 
 

@@ -21,14 +21,14 @@ from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.loop import relax_to_rest
 
-LIMIT = 8000  # iterations; they take 1,800 to 5,700
+LIMIT = 8000  # iterations; they take 1,800 to 5,700 (the sheet 2,500 to 3,300 over balls that differ by 1 nm to 30 um)
 # The rim of what the avatar holds still rolls with the free folds as long as these settle: creep is told from that once
 # the rest error is as small. A worn T-shirt's shoulders stay from the default certificate on: see test_friction.py.
 SETTLED = Tolerance(rest_error=1e-4)
 CREEP = 1e-4  # [m], the most that a vertex held by the avatar may go in 1,000 iterations after rest
 
 FOLDED: dict[str, tuple[Callable[[], Folded], dict[str, Any], dict[str, Any]]] = {
-    "a sheet dropped folded onto itself": (lambda: folded_sheet(21, 0.4, 0.206), {}, {"avatar": BALL}),
+    "a sheet dropped folded onto itself": (lambda: folded_sheet(21, 0.4, 0.306), {}, {"avatar": BALL}),
     "a sleeve pushed through": (lambda: turned_sleeve(24, 24, 0.05, 0.3, 0.12), HANGING, {}),
     "a skirt with deep folds": (lambda: pleated_skirt(6, 4, 8, 0.1, 0.3, 0.03), HANGING, {}),
 }

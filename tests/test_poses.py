@@ -58,7 +58,7 @@ def test_cloth_goes_with_its_avatar(kind: str) -> None:
 
 
 def test_a_live_change_does_not_take_the_garment_through_the_poses_again() -> None:
-    live = LiveFit(scene(poses=["there.obj"]), {"collision.pixel_mm": "8"}, "cpu")
+    live = LiveFit(scene(poses=["there.obj"]), {"collision.pixel_mm": "3"}, "cpu")
     assert live.problem.pose_run is not None
     worn = live.points.copy()
     live.change({"garment.fabric": "denim"})

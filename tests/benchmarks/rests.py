@@ -35,7 +35,7 @@ from warp_cloth.scene import load_scene
 from warp_cloth.solver.loop import relax_to_rest
 
 FOLDED: dict[str, tuple[Callable[[], Folded], Tree, Tree]] = {
-    "folded sheet": (partial(folded_sheet, 61, 0.4, 0.206), {}, {"avatar": BALL}),
+    "folded sheet": (partial(folded_sheet, 61, 0.4, 0.306), {}, {"avatar": BALL}),
     "sleeve pushed through": (partial(turned_sleeve, 60, 60, 0.05, 0.3, 0.12), HANGING, {}),
     "large cuff": (partial(turned_sleeve, 96, 96, 0.08, 0.5, 0.2), HANGING, {}),
     "skirt with deep folds": (partial(pleated_skirt, 8, 6, 30, 0.1, 0.4, 0.05), HANGING, {}),
