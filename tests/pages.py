@@ -26,7 +26,8 @@ _CODE = re.compile(r"`([^`\n]+)`")
 _LINK = re.compile(r"\]\(([^()\s]+)\)")
 _HEADING = re.compile(r"^#+ +(.*?) *$", re.MULTILINE)
 
-MARKS = frozenset({"long", "needs", "files", "file", "in", "serves", "form", "fragment"})  # tests/README.md lists them
+# tests/README.md lists them
+MARKS = frozenset({"long", "needs", "files", "file", "in", "serves", "form", "fragment", "ends"})
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ from warp_cloth.cli.fit import summary
 from warp_cloth.cli.fit_progress import ProgressDisplay
 from warp_cloth.cli.main import app, main
 from warp_cloth.cli.terminal import keep_interrupts
-from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
 
 
@@ -39,7 +38,7 @@ class Step:
 class StandIn:
     """Takes the place of warp_cloth.fitting.fit: remembers how it was called, writes one file."""
 
-    status: Status = Status.AT_REST
+    worn: bool = True
     error: BaseException | None = None
     calls: list[dict[str, Any]] = field(default_factory=list)
 
@@ -53,7 +52,7 @@ class StandIn:
 
     @property
     def report(self) -> dict[str, Any]:
-        return {"status": self.status.value, "message": "All forces balance.", "rest_error_mm": 0.4}
+        return {"status": "at_rest", "worn": self.worn, "message": "All forces balance.", "rest_error_mm": 0.4}
 
     def save(self, directory: Path, *, colour: str, formats: tuple[str, ...]) -> list[Path]:
         path = Path(directory) / "report.json"
@@ -96,13 +95,19 @@ def test_fit_hands_scene_device_and_frames_on_and_tells_what_was_written(stand_i
     assert Path("out/report.json").is_file()
 
 
-@pytest.mark.parametrize(
-    ("status", "code"),
-    [(Status.AT_REST, 0), (Status.ITERATION_LIMIT, 0), (Status.DIVERGED, 1), (Status.INVALID, 1)],
-)
-def test_the_exit_status_tells_whether_there_is_a_usable_result(stand_in: StandIn, status: Status, code: int) -> None:
-    stand_in.status = status
+@pytest.mark.parametrize(("worn", "code"), [(True, 0), (False, 3)])
+def test_the_exit_status_tells_whether_the_garments_are_worn(stand_in: StandIn, worn: bool, code: int) -> None:
+    stand_in.worn = worn
     assert call("fit", "sphere").exit_code == code
+    assert Path("out/report.json").is_file()
+
+
+@pytest.mark.parametrize("command", ["fit", "batch"])
+def test_help_lists_the_exit_statuses(command: str) -> None:
+    text = " ".join(CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200"}).stdout.split())
+    assert "Exit status: 0" in text
+    assert "2 bad input" in text
+    assert "; 3 " in text
 
 
 @pytest.mark.parametrize(
@@ -255,6 +260,7 @@ def test_summary_leaves_out_what_is_not_known() -> None:
         "iterations": 12345,
         "iterations_per_second": 812.3,
         "seconds": {"relax": 15.2},
+        "problems": [{"code": "crossing", "message": "It crosses.", "remedy": "Leave it out."}],
         "device": "cpu",
         "garments": [{"name": "shirt", "notes": ["units not stated: metres assumed"]}],
         "avatar": {"notes": ["lies along z"]},
@@ -264,6 +270,7 @@ def test_summary_leaves_out_what_is_not_known() -> None:
         "  residual     0.00912 relative rms, ? p99",
         "  iterations   12,345 (812 per second)",
         "  time         15.2 s on cpu",
+        "  problem      crossing: It crosses. Leave it out.",
         "  note         shirt: units not stated: metres assumed",
         "  note         avatar: lies along z",
         "  wrote        out/x.usdc",
@@ -343,10 +350,10 @@ def test_kernels_that_cannot_be_kept_are_told_in_a_line(
     assert "Traceback" not in done.stderr
 
 
-def test_a_batch_without_any_result_is_a_failure(tmp_path: Path) -> None:
+def test_a_batch_of_bad_items_only_is_bad_input(tmp_path: Path) -> None:
     (tmp_path / "jobs.csv").write_text("name,scene\na,nosuch\nb,nosuch\n")
     done = command("batch", "jobs.csv", "--device", "cpu", "--workers", "1", folder=tmp_path)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert '2 without a result: "nosuch": no such scene file' in done.stdout
 
 

@@ -261,7 +261,7 @@ REPAIRS: dict[str, tuple[Change, str]] = {
 
 def notes_of_fit(scene: str) -> tuple[dict[str, Any], str]:
     result = fit(scene)
-    assert result.exit_code == 0, result.output
+    assert result.exit_code in (0, 3), result.output  # written; 20 iterations leave most cloth in motion
     report = json.loads(Path("new/out/report.json").read_text(encoding="utf-8"))
     return report, " ".join(report["garments"][0]["notes"])
 

@@ -76,7 +76,7 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
 
 
-def run(words: list[str], folder: Path) -> None:
+def run(words: list[str], folder: Path, status: int = 0) -> None:
     done = subprocess.run(
         words,
         cwd=folder,
@@ -88,7 +88,7 @@ def run(words: list[str], folder: Path) -> None:
         timeout=TIME_LIMIT,
         check=False,
     )
-    assert done.returncode == 0, f"exit status {done.returncode}: {done.stdout[-SHOWN:]}"
+    assert done.returncode == status, f"exit status {done.returncode}: {done.stdout[-SHOWN:]}"
 
 
 def serve(text: str, folder: Path) -> None:
@@ -135,7 +135,7 @@ def test_every_command_runs_as_written(block: Block, folders: dict[Path, Path]) 
     if "serves" in block.marks:
         serve(block.text, folder)
     else:
-        run(["bash", "-euo", "pipefail", "-c", block.text], folder)
+        run(["bash", "-euo", "pipefail", "-c", block.text], folder, int(block.marks.get("ends", ("0",))[0]))
 
 
 @pytest.mark.parametrize("block", by_language("python"))

@@ -1,14 +1,16 @@
 """Garment fitting on NVIDIA Warp: the shape of a garment as worn on a body, with a certificate that it is at rest.
 
 >>> import warp_cloth
->>> worn = warp_cloth.fit("tshirt", overrides=["garment.shape.size=L"])
->>> worn.status, worn.message
->>> worn.garments[0].points  # [m], shape [V, 3]
->>> worn.save("out")  # USD stage, report, picture
+>>> fit = warp_cloth.fit("tshirt", overrides=["garment.shape.size=L"])
+>>> fit.worn, fit.message
+>>> [problem.code for problem in fit.problems]
+>>> fit.garments[0].points  # [m], shape [V, 3]
+>>> fit.save("out")  # USD stage, report, picture
 
 fit         fits the garments of one scene; returns a Fit
 load_scene  reads and checks a scene, with changes: load_scene("tshirt", ["garment.fabric=denim"])
-Fit         status, worn garments, report; save() writes them
+Fit         whether it is worn, problems, garments, report; save() writes them
+FitProblem  what is wrong with a fit: a ProblemCode, a message, a remedy, figures, vertices and faces
 InputError  raised on any bad input: one sentence with the place, the problem, and a remedy
 
 Many fits: ``warp_cloth.batch`` (fit_many, fit_sizes, run_batch). Fit maps: ``warp_cloth.maps``.
@@ -25,6 +27,7 @@ from warp_cloth.base.errors import InputError
 if TYPE_CHECKING:
     from warp_cloth.base.mesh import Mesh
     from warp_cloth.fitting.fit import Fit, Progress, fit
+    from warp_cloth.model.fit_problem import FitProblem, ProblemCode
     from warp_cloth.model.result import Status, WornGarment
     from warp_cloth.scene import Scene, load_scene
 
@@ -35,11 +38,25 @@ if not (_FOLDER / "kernels").is_dir():
     # in a checkout kernels/ and scenes/ are next to this package; an installed package contains them
     __path__.append(str(_FOLDER.parent))
 
-__all__ = ["Fit", "InputError", "Mesh", "Progress", "Scene", "Status", "WornGarment", "fit", "load_scene"]
+__all__ = [
+    "Fit",
+    "FitProblem",
+    "InputError",
+    "Mesh",
+    "ProblemCode",
+    "Progress",
+    "Scene",
+    "Status",
+    "WornGarment",
+    "fit",
+    "load_scene",
+]
 
 _MODULES = {
     "Fit": "fitting.fit",
+    "FitProblem": "model.fit_problem",
     "Mesh": "base.mesh",
+    "ProblemCode": "model.fit_problem",
     "Progress": "fitting.fit",
     "Scene": "scene",
     "Status": "model.result",

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Points
+from warp_cloth.model.result import Penetration
 
 STRETCHED = 0.2  # strain from which an edge is checked: one through a limb is longer than the limb is thick
 DEEP = 0.2  # depth over an edge's length from which it runs through: over a round limb a long edge dips less
@@ -16,29 +19,42 @@ ROUNDING = 1e-3  # relative; more than that of a length computed from a float32 
 WITHIN = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [1, 1, 0], [0, 1, 1], [1, 0, 1], [1, 1, 1]])
 
 
-def edge_places(
-    points: Points, edges: NDArray[np.int32], strains: NDArray[np.float64]
-) -> tuple[Points, NDArray[np.float64]]:
-    """Samples along the edges that are checked [m], shape [N, 3], and these edges' lengths [m].
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Points in some edges or faces at which their depth in the avatar is measured."""
+
+    points: Points  # [m], as many for each element, shape [N, 3]
+    elements: NDArray[np.int64]  # the edges or faces that they lie in, shape [K]
+    lengths: NDArray[np.float64]  # of these edges [m], shape [K]; empty for faces
+
+    def depths(self, depths: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The greatest of the depths at an element's points [m], shape [K]."""
+        each = len(depths) // max(len(self.elements), 1)
+        found: NDArray[np.float32] = np.nan_to_num(depths).reshape(len(self.elements), each).max(axis=1, initial=0.0)
+        return found
+
+
+def edge_places(points: Points, edges: NDArray[np.int32], strains: NDArray[np.float64]) -> Samples:
+    """Samples along the edges that are checked.
 
     ``points`` [m], shape [V, 3]; ``edges`` are pairs of them, shape [E, 2]; ``strains`` are theirs, shape [E].
     """
-    checked = edges[strains > STRETCHED]
+    checked = np.flatnonzero(strains > STRETCHED)
     if not np.isfinite(points).all():
         checked = checked[:0]
-    first, last = points[checked[:, 0], None], points[checked[:, 1], None]
+    first, last = (points[edges[checked, end], None] for end in (0, 1))
     along = (first + (last - first) * PLACES[:, None]).reshape(-1, 3)
-    return along, np.linalg.norm(last - first, axis=2)[:, 0]
+    return Samples(along, checked, np.linalg.norm(last - first, axis=2)[:, 0])
 
 
-def pierced(depths: NDArray[np.float32], lengths: NDArray[np.float64]) -> tuple[int, float]:
-    """How many edges run through the avatar, and how deep they lie under its surface [mm].
+def pierced(samples: Samples, depths: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """The edges that run through the avatar, and how deep each lies under its surface [m], both shape [K].
 
-    From the depths of ``edge_places`` in it [m].
+    ``depths`` are those of ``edge_places`` [m].
     """
-    depth = np.nan_to_num(depths).reshape(len(lengths), len(PLACES)).max(axis=1)
-    through = depth > DEEP * lengths
-    return int(through.sum()), 1e3 * float(depth[through].max(initial=0.0))
+    depth = samples.depths(depths)
+    through = depth > DEEP * samples.lengths
+    return samples.elements[through], depth[through]
 
 
 def may_show(longest: float) -> bool:
@@ -46,8 +62,8 @@ def may_show(longest: float) -> bool:
     return not longest * (1.0 + ROUNDING) < LARGE
 
 
-def face_places(points: Points, triangles: NDArray[np.int32]) -> Points:
-    """Samples in those triangles that are large enough for the avatar to show through [m], shape [N, 3].
+def face_places(points: Points, triangles: NDArray[np.int32]) -> Samples:
+    """Samples in those triangles that are large enough for the avatar to show through.
 
     ``points`` [m], shape [V, 3].
     """
@@ -56,16 +72,31 @@ def face_places(points: Points, triangles: NDArray[np.int32]) -> Points:
         first, second, third = axis[triangles.T]  # NumPy is slow at reductions over three columns
         highest, lowest = np.maximum(np.maximum(first, second), third), np.minimum(np.minimum(first, second), third)
         extents = np.maximum(extents, highest - lowest)
-    large = points[triangles[extents > LARGE]]
+    faces = np.flatnonzero(extents > LARGE)
+    large = points[triangles[faces]]
     if not np.isfinite(large).all():
-        large = large[:0]
-    return np.asarray(((WITHIN / WITHIN.sum(axis=1, keepdims=True)) @ large).reshape(-1, 3))
+        faces, large = faces[:0], large[:0]
+    within = np.asarray(((WITHIN / WITHIN.sum(axis=1, keepdims=True)) @ large).reshape(-1, 3))
+    return Samples(within, faces, np.zeros(0))
 
 
-def shown(depths: NDArray[np.float32]) -> tuple[int, float]:
-    """How many triangles the avatar shows through, and how deep they lie under its surface [mm].
+def shown(samples: Samples, depths: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """The triangles that the avatar shows through, and how deep each lies under its surface [m], both shape [K].
 
-    From the depths of ``face_places`` in it [m].
+    ``depths`` are those of ``face_places`` [m].
     """
-    depth = np.nan_to_num(depths).reshape(-1, len(WITHIN)).max(axis=1)
-    return int((depth > 0.0).sum()), 1e3 * float(depth.max(initial=0.0))
+    depth = samples.depths(depths)
+    inside = depth > 0.0
+    return samples.elements[inside], depth[inside]
+
+
+@dataclass(frozen=True, eq=False)
+class Overlap:
+    """Where cloth lies under the surface of the exact avatar mesh. Indices count through a scene's garments."""
+
+    summary: Penetration
+    vertex_depths: NDArray[np.float32]  # 0 outside [m], shape [V]
+    edges: NDArray[np.int64]  # that pass through the avatar, shape [K]
+    edge_depths: NDArray[np.float32]  # of these [m], shape [K]
+    faces: NDArray[np.int64]  # that it shows through, shape [L]
+    face_depths: NDArray[np.float32]  # of these [m], shape [L]

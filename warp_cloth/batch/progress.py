@@ -63,6 +63,9 @@ def summary(report: BatchReport) -> list[str]:
     counts = ", ".join(f"{count} {status.replace('_', ' ')}" for status, count in sorted(report.statuses.items()))
     items = report.progress.items
     lines = [f"{items} item{'s' * (items != 1)} in {report.progress.seconds:.3g} s: {counts}"]
+    if report.worn < items:
+        found = ", ".join(f"{count} {code}" for code, count in report.problems.items())
+        lines.append(f"  worn         {report.worn} of {items}" + (f"; problems: {found}" if found else ""))
     lines += [f"  {count} without a result: {reason}" for reason, count in list(report.reasons.items())[:MOST_REASONS]]
     if len(report.reasons) > MOST_REASONS:
         more = len(report.reasons) - MOST_REASONS

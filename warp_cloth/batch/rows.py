@@ -35,8 +35,7 @@ FIGURES: dict[str, tuple[str, ...]] = {
     "penetration_fraction": ("penetration_mm", "fraction"),
 }
 INTEGERS = ("vertices", "iterations")
-TEXTS = ("name", "status", "message")
-COLUMNS = (*TEXTS, *FIGURES, "digest", "file")
+COLUMNS = ("name", "status", "worn", "problems", "message", *FIGURES, "digest", "file")
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,9 @@ class ItemResult:
 
 def row_of(name: str, fit: Fit, file: str) -> dict[str, Any]:
     """The row of a finished fit; ``file`` is where its shape is stored."""
-    row: dict[str, Any] = {"name": name, "status": fit.status.value, "message": fit.message}
+    codes = [problem.code.value for problem in fit.problems]
+    row: dict[str, Any] = {"name": name, "status": fit.status.value, "worn": fit.worn, "problems": codes}
+    row["message"] = fit.message
     for column, keys in FIGURES.items():
         row[column] = _at(fit.report, keys)
     row["digest"] = points_digest([worn.points for worn in fit.garments])
@@ -68,7 +69,8 @@ def row_of(name: str, fit: Fit, file: str) -> dict[str, Any]:
 
 def empty_row(name: str, status: str, message: str) -> dict[str, Any]:
     """The row of an item without a fit: status and reason, no figures."""
-    return {**dict.fromkeys(COLUMNS), "name": name, "status": status, "message": message}
+    unworn = {"worn": False, "problems": []}
+    return {**dict.fromkeys(COLUMNS), **unworn, "name": name, "status": status, "message": message}
 
 
 def points_digest(garments: list[Points]) -> str:

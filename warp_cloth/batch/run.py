@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
@@ -60,6 +60,8 @@ class BatchReport:
     unwritten: dict[str, int]  # items whose results could not be written, by reason; the next run does them
     progress: BatchProgress
     reasons: dict[str, int]  # why items have no worn garment, and how many each, the most frequent first
+    worn: int = 0  # items that are worn
+    problems: dict[str, int] = field(default_factory=dict)  # items by code of their problems, the most frequent first
 
     @property
     def complete(self) -> bool:
@@ -268,6 +270,13 @@ class Batch:
         rows = zip(table["digest"].to_pylist(), table["message"].to_pylist(), strict=True)
         failures = [str(message) for digest, message in rows if digest is None]
         reasons = collections.Counter(reason for reason in failures if reason not in unwritten)
+        problems = collections.Counter(code for codes in table["problems"].to_pylist() for code in codes)
         return BatchReport(
-            self._store.folder, dict(statuses), dict(unwritten), self._progress, dict(reasons.most_common())
+            self._store.folder,
+            dict(statuses),
+            dict(unwritten),
+            self._progress,
+            dict(reasons.most_common()),
+            sum(table["worn"].to_pylist()),
+            dict(problems.most_common()),
         )

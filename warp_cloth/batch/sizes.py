@@ -16,6 +16,7 @@ from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import load_outfit, worn_size
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.levels import body_levels
+from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.scene.shapes import Size
@@ -27,6 +28,7 @@ DEFAULT_EASE = 0.04
 # Strain (99th percentile) above which a size is too tight somewhere, whatever its girths. A choice: at 10 % the stiffer
 # shipped fabrics pull with more than the 490 N/m at which a laboratory's tensile test ends.
 MOST_STRETCH = 0.10
+UNHELD = (ProblemCode.UNSUPPORTED, ProblemCode.FELL_OFF, ProblemCode.SLID_OFF, ProblemCode.DETACHED_PIECE)
 
 
 @dataclass(frozen=True)
@@ -203,7 +205,7 @@ def _fit_size(size: str, scene: Scene, device: str | None) -> SizeFit:
     levels = {}
     if worn.avatar is not None and worn.status is not Status.DIVERGED:
         levels = _levels(worn, load_outfit(scene).garments[0])
-    strain, held = worn.report["strain"], worn.report["unheld"] is None
+    strain, held = worn.report["strain"], not any(problem.code in UNHELD for problem in worn.problems)
     return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn, held)
 
 

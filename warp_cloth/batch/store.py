@@ -42,7 +42,7 @@ FIRST_SHARD = 128  # items of the first shard and the last: fewer do not fill a 
 GROWTH = 1.6  # from shard to shard at first: the next one loads while one relaxes
 SHRINKING = 2.0  # and at the end: measuring a shard takes about as long as relaxing half of it
 FIRST_AVATARS = 4  # that the first half of the garments is fitted to before other avatars
-LAYOUT = 1  # version of the output folder; files of another version are done again
+LAYOUT = 2  # version of the output folder; files of another version are done again
 
 
 @dataclass(frozen=True)
@@ -162,9 +162,16 @@ def _arrow() -> Any:
 def _table(rows: Sequence[Mapping[str, Any]]) -> pyarrow.Table:
     """Rows of the columns COLUMNS as a table."""
     arrow = _arrow()
-    figures = {name: arrow.int64() if name in INTEGERS else arrow.float64() for name in FIGURES}
-    schema = arrow.schema([(name, figures.get(name, arrow.string())) for name in COLUMNS])
+    types = {name: arrow.int64() if name in INTEGERS else arrow.float64() for name in FIGURES}
+    types |= {"worn": arrow.bool_(), "problems": arrow.list_(arrow.string())}
+    schema = arrow.schema([(name, types.get(name, arrow.string())) for name in COLUMNS])
     return arrow.Table.from_pylist(rows, schema=schema)
+
+
+def _plain(table: pyarrow.Table) -> pyarrow.Table:
+    """The table with lists as text, as CSV has none: problems by spaces."""
+    codes = [" ".join(each or ()) for each in table["problems"].to_pylist()]
+    return table.set_column(table.column_names.index("problems"), "problems", [codes])
 
 
 def file_marks(paths: Sequence[Path]) -> dict[str, list[int]]:
@@ -243,7 +250,7 @@ class Store:
         table = _table([empty_row("", FAILED, "")]).take(np.array([0]))
         arrow.parquet.write_table(table, nowhere)
         arrow.concat_tables([arrow.parquet.ParquetFile(nowhere).read(), table])
-        arrow.csv.write_csv(table, io.BytesIO())
+        arrow.csv.write_csv(_plain(table), io.BytesIO())
         np.savez(io.BytesIO(), **packed([]))
 
     def check_batch(self, items: Sequence[Item]) -> None:
@@ -331,7 +338,7 @@ class Store:
         with whole_file(self.folder / "results.parquet") as place:
             _arrow().parquet.write_table(merged, place)
         with whole_file(self.folder / "results.csv") as place:
-            _arrow().csv.write_csv(merged, place)
+            _arrow().csv.write_csv(_plain(merged), place)
         known = {shard.label for shard in shards}
         for path in self.shards.iterdir():
             if path.suffix in (".parquet", ".npz") and path.stem not in known:

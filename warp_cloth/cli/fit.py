@@ -15,12 +15,13 @@ import typer
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device
-from warp_cloth.cli.terminal import one_line_errors, output_folder
+from warp_cloth.cli.terminal import BAD_INPUT, one_line_errors, output_folder
 
 if TYPE_CHECKING:
     from warp_cloth.fitting.fit import Fit
     from warp_cloth.scene import Scene
 
+NOT_WORN = 3  # exit status where something was written that is not worn
 LARGEST_EASE = 200.0  # [cm]; a tent has less
 
 
@@ -56,6 +57,9 @@ def fit(
 ) -> None:
     """Fit the garments of a scene; write the draped shapes, a report and a picture.
 
+    Exit status: 0 all garments are worn; 3 files are written, but a garment is not worn (the report names its
+    problems); 2 bad input.
+
     \b
     warp-cloth fit tshirt --set garment.shape.size=L --maps all --colour ease
     warp-cloth fit stage.usda --set garment.prim=/World/shirt --set avatar.prim=/World/body
@@ -76,8 +80,8 @@ def fit(
             paths = worn.save(out, colour=colour_map, formats=suffixes)
     for line in summary(chosen.name, worn.report, paths):
         typer.echo(line)
-    if worn.status.value in ("diverged", "invalid"):
-        raise typer.Exit(1)
+    if not worn.worn:
+        raise typer.Exit(NOT_WORN)
 
 
 def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str], start: Path | None) -> Fit:
@@ -92,7 +96,7 @@ def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str], sta
 
 def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str]:
     """A fit in a few lines: its message, the certificate's main figures, the files written."""
-    from warp_cloth.report.advice import notes_of
+    from warp_cloth.report.notes import notes_of
 
     residual, strain = report.get("residual") or {}, report.get("strain") or {}
     yarns = {direction: strain[direction]["p99"] for direction in ("warp", "weft", "bias") if direction in strain}
@@ -107,6 +111,9 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
         ("crossings", _filled("{} pairs of faces", report.get("crossings") or {}, "pairs")),
         ("iterations", _filled("{} ({} per second)", report, "iterations", "iterations_per_second")),
         ("time", _filled("{} s on " + str(report.get("device")), seconds, "relax")),
+    ]
+    rows += [
+        ("problem", f"{each['code']}: {each['message']} {each['remedy']}") for each in report.get("problems") or ()
     ]
     rows += [("note", note) for note in notes_of(report)]
     lines += [f"  {label:<12} {text}" for label, text in rows if text]
@@ -148,6 +155,9 @@ def batch(
 ) -> None:
     """Fit many scenes. If it is interrupted, the same command continues where it stopped.
 
+    Exit status: 0 all items are worn; 3 some are not (columns worn and problems of the results); 2 bad input; 1 some
+    are not done, and the same command continues.
+
     \b
     warp-cloth batch jobs.csv --out out
     warp-cloth batch jobs.toml --out out --keep stages --workers 4
@@ -176,8 +186,12 @@ def batch(
             )
     for line in batch_summary(report):
         typer.echo(line)
-    if not report.complete or set(report.statuses) == {"invalid"}:
+    if not report.complete:
         raise typer.Exit(1)
+    if set(report.statuses) == {"invalid"}:
+        raise typer.Exit(BAD_INPUT)
+    if report.worn < report.progress.items:
+        raise typer.Exit(NOT_WORN)
 
 
 def sizes(

@@ -14,7 +14,7 @@ from warp_cloth.export.files import whole_file
 from warp_cloth.export.report import plain
 from warp_cloth.maps.colour import shown_value
 from warp_cloth.maps.kinds import MAPS
-from warp_cloth.report.advice import advice, notes_of
+from warp_cloth.report.notes import notes_of
 from warp_cloth.report.numbers import short_number
 from warp_cloth.solver.certificate.rest_error import GROWING
 
@@ -31,7 +31,6 @@ def write_report_page(path: Path, name: str, report: Mapping[str, Any], pictures
     page = environment.from_string(text).render(
         name=name,
         report=values,
-        advice=advice(report),
         preview=embedded.get("preview"),
         certificate=certificate_rows(report),
         girths=report.get("girths_mm") or (),

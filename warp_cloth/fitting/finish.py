@@ -1,4 +1,4 @@
-"""From relaxed scenes to fits: measure the draped shapes, write status sentence and report."""
+"""From relaxed scenes to fits: measure the draped shapes, find what is wrong with them, write the report."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.avatar.exact import ExactCollider, depth_summary, depths_under, exact_colliders
-from warp_cloth.avatar.penetration import edge_places, face_places, may_show, pierced, shown
+from warp_cloth.avatar.exact import exact_colliders
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.threads import map_in_threads
 from warp_cloth.contact.garments import model_crossings, worn_crossings
 from warp_cloth.fitting.clock import StageClock
+from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.fitting.problem import Problem, tolerance_of
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.model.result import FitResult, LevelRun, Penetration, Status, Strain, WornGarment
+from warp_cloth.model.result import FitResult, LevelRun, Status, Strain, WornGarment
 from warp_cloth.report.build import build_report
 from warp_cloth.report.measurements import Measurements
-from warp_cloth.report.status import status_sentence
+from warp_cloth.report.problems import find_problems
+from warp_cloth.report.verdict import is_worn, verdict
 from warp_cloth.scene import Scene
-from warp_cloth.solver.certificate.strains import Strains, measured_strains, strain_summary, yarn_summaries
+from warp_cloth.solver.certificate.strains import measured_strains, strain_summary, yarn_summaries
 from warp_cloth.solver.loop import Outcome
 
 
@@ -34,7 +35,7 @@ def finish_fits(
     clock: StageClock,
     frames: int = 0,
 ) -> list[FitResult]:
-    """Measures relaxed scenes, and writes their status sentences and reports.
+    """Measures relaxed scenes, finds their problems, and writes their reports.
 
     Args:
         problem: the scenes, as they were relaxed.
@@ -51,19 +52,21 @@ def finish_fits(
             replace(worn, fields=found.crossings.marked(index, worn.mesh))
             for index, worn in enumerate(_worn_garments(scene, outfit, outcome, frames))
         )
-        worn = [garment.points for garment in garments]
-        message, loss = status_sentence(scene, outfit, outcome, found, worn, tolerance_of(scene))
+        problems = find_problems(scene, outfit, outcome, found, tolerance_of(scene))
+        worn, message = is_worn(outcome.status, problems), verdict(outcome, problems)
         report = build_report(
             scene,
             outfit,
             outcome,
             found,
             message=message,
-            loss=loss,
+            worn=worn,
+            problems=problems,
             seconds=clock.seconds if len(outcomes) == 1 else {**clock.seconds, "relax": outcome.seconds},
             device=problem.model.device,
         )
-        results.append(FitResult(scene, outcome.status, message, garments, outfit.avatar, report, problem.model.device))
+        ended = outcome.status, worn, problems, message
+        results.append(FitResult(scene, *ended, garments, outfit.avatar, report, problem.model.device))
     return results
 
 
@@ -75,7 +78,10 @@ def _measure(problem: Problem, outcomes: Sequence[Outcome], levels: Sequence[Seq
             model.set_points(outcome.points, item)
     strains = measured_strains(model)
     worn = [outcome.points for outcome in outcomes]
-    depths = _penetrations(problem, outcomes, exact_colliders(problem.avatar_surfaces(), model.device), strains)
+    exact = exact_colliders(problem.avatar_surfaces(), model.device)
+    position = model.state.position if model.state.position.dtype is wp.vec3d else None
+    edge_strains = [strains.edge[model.of_item(item, model.edge_start)] for item in range(len(outcomes))]
+    overlaps = avatar_overlaps(problem.outfits, worn, edge_strains, exact, position)
     if all(np.isfinite(points).all() for points in worn):
         crossings = model_crossings(model, problem.outfits)
     else:
@@ -83,58 +89,20 @@ def _measure(problem: Problem, outcomes: Sequence[Outcome], levels: Sequence[Seq
 
     def strains_of(item: int) -> tuple[Strain, dict[str, Strain]]:
         yarns = strains.of_yarns(model.of_item(item, model.weave_start))
-        return strain_summary(strains.edge[model.of_item(item, model.edge_start)]), yarn_summaries(yarns)
+        return strain_summary(edge_strains[item]), yarn_summaries(yarns)
 
     summaries = map_in_threads(strains_of, range(len(outcomes)))
     return [
-        Measurements(*summaries[item], depths[item], crossings[item], problem.contact_report(item), levels[item])
+        Measurements(
+            *summaries[item],
+            edge_strains=edge_strains[item],
+            overlap=overlaps[item],
+            crossings=crossings[item],
+            contact=problem.contact_report(item),
+            levels=levels[item],
+        )
         for item in range(len(outcomes))
     ]
-
-
-def _penetrations(
-    problem: Problem,
-    outcomes: Sequence[Outcome],
-    exact_of: Sequence[ExactCollider | None],
-    strains: Strains,
-) -> list[Penetration | None]:
-    """Depth of every scene's vertices, edges and faces in its avatar; ``strains`` are those of all scenes.
-
-    One query serves all scenes, as a GPU answers a million points as fast as a few.
-    """
-    model = problem.model
-    position = model.state.position if model.state.position.dtype is wp.vec3d else model.points()
-    vertex_depths = depths_under(position, np.diff(model.item_start).tolist(), exact_of)
-
-    def sample_points(item: int) -> tuple[Points, NDArray[np.float64], Points]:
-        """Points along edges that may pass through the avatar, the edges' lengths, and points within large faces."""
-        garments, points = problem.outfits[item].garments, outcomes[item].points
-        first = np.cumsum([0, *(len(garment.points) for garment in garments)]).tolist()
-        strain = strains.edge[model.of_item(item, model.edge_start)].astype(np.float64)
-        edges = np.concatenate(
-            [garment.rest.topology.edges + start for garment, start in zip(garments, first, strict=False)]
-        )
-        along = edge_places(points, edges, strain)
-        longest = float(((1.0 + strain) * np.concatenate([garment.rest.edge_length for garment in garments])).max())
-        if not may_show(longest):
-            return *along, np.zeros((0, 3))
-        triangles = np.concatenate([garment.triangles + start for garment, start in zip(garments, first, strict=False)])
-        return *along, face_places(points, triangles)
-
-    samples = map_in_threads(sample_points, range(len(outcomes)))
-    queries = np.concatenate([points for along, _, within in samples for points in (along, within)])
-    sample_depths = depths_under(queries, [len(along) + len(within) for along, _, within in samples], exact_of)
-    penetrations: list[Penetration | None] = []
-    for exact, depths, (along, lengths, _), own in zip(exact_of, vertex_depths, samples, sample_depths, strict=True):
-        if exact is None:
-            penetrations.append(None)
-            continue
-        edges, edge_max = pierced(own[: len(along)], lengths)
-        faces, face_max = shown(own[len(along) :])
-        penetrations.append(
-            replace(depth_summary(depths), edges=edges, edge_max=edge_max, faces=faces, face_max=face_max)
-        )
-    return penetrations
 
 
 def _worn_garments(scene: Scene, outfit: Outfit, outcome: Outcome, frames: int) -> tuple[WornGarment, ...]:

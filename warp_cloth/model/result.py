@@ -1,4 +1,4 @@
-"""The result of a fit: status and sentence, the certificate's figures, worn garments, maps."""
+"""The result of a fit: status, verdict and problems, the certificate's figures, worn garments, maps."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.model.fit_problem import FitProblem
 
 if TYPE_CHECKING:
     from warp_cloth.garment.rest import RestShape
@@ -108,7 +109,9 @@ class FitResult:
 
     scene: Scene
     status: Status
-    message: str  # one sentence; what to change where the fit did not come to rest
+    worn: bool  # at rest, without a problem that is more than a note
+    problems: tuple[FitProblem, ...]  # the likeliest cause first
+    message: str  # the verdict in words: how it ended, what is wrong, what to change
     garments: tuple[WornGarment, ...]
     avatar: Mesh | None
     report: dict[str, Any]  # the content of report.json

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ from warp_cloth.model.plan import make_plan
 
 if TYPE_CHECKING:
     from warp_cloth.garment.outfit import Outfit
+    from warp_cloth.model.fit_problem import FitProblem
     from warp_cloth.report.measurements import Measurements
     from warp_cloth.scene import Scene
     from warp_cloth.solver.loop import Outcome
@@ -21,7 +23,8 @@ def build_report(
     measured: Measurements,
     *,
     message: str,
-    loss: str,
+    worn: bool,
+    problems: Sequence[FitProblem],
     seconds: dict[str, float],
     device: str,
 ) -> dict[str, Any]:
@@ -32,18 +35,20 @@ def build_report(
         outfit: its garments and avatar.
         outcome: of the relaxation.
         measured: of the worn shape.
-        message: the status sentence.
-        loss: the clause about a garment that nothing holds; empty where all are held.
+        message: the verdict.
+        worn: whether all garments are.
+        problems: what is wrong with them.
         seconds: of each stage.
         device: Warp's name of it.
     """
-    relaxing, depth, crossings = seconds["relax"], measured.penetration, measured.crossings
+    relaxing, overlap, crossings = seconds["relax"], measured.overlap, measured.crossings
     topologies = [garment.rest.topology for garment in outfit.garments]
     yarns = {direction: asdict(strain) for direction, strain in measured.yarn_strains.items()}
     return {
         "status": outcome.status.value,
         "message": message,
-        "unheld": loss or None,
+        "worn": worn,
+        "problems": [problem.as_json() for problem in problems],
         "vertices": sum(len(garment.points) for garment in outfit.garments),
         "faces": sum(len(garment.triangles) for garment in outfit.garments),
         "edges": sum(len(topology.edges) for topology in topologies),
@@ -58,7 +63,7 @@ def build_report(
         "rest_error_mm": 1e3 * outcome.check.rest_error,
         "growing_mm": 1e3 * outcome.check.growing,
         "strain": {**asdict(measured.strain), **yarns},
-        "penetration_mm": asdict(depth) if depth is not None else None,
+        "penetration_mm": asdict(overlap.summary) if overlap is not None else None,
         "crossings": {"pairs": crossings.pairs, "between_garments": crossings.between, "faces": crossings.face_count},
         "contact": measured.contact,
         "garments": _garments(scene, outfit, measured),

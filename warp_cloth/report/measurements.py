@@ -1,4 +1,4 @@
-"""Measurements of one relaxed scene, from which its status sentence and its report are written."""
+"""Measurements of one relaxed scene, from which its problems are found and its report is written."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from warp_cloth.model.result import LevelRun, Penetration, Strain
+from numpy.typing import NDArray
+
+from warp_cloth.model.result import LevelRun, Strain
 
 if TYPE_CHECKING:
+    from warp_cloth.avatar.penetration import Overlap
     from warp_cloth.contact.garments import GarmentCrossings
 
 
@@ -18,7 +21,8 @@ class Measurements:
 
     strain: Strain  # of edges
     yarn_strains: Mapping[str, Strain]  # along "warp", "weft" and "bias"; of woven garments only
-    penetration: Penetration | None  # None: no avatar
+    edge_strains: NDArray[Any]  # of all garments, shape [E]
+    overlap: Overlap | None  # with the avatar; None: there is none
     crossings: GarmentCrossings
     contact: dict[str, Any] | None  # the collider and its error; None: no avatar
     levels: Sequence[LevelRun] = ()  # relaxations that came before

@@ -52,6 +52,7 @@ class Outcome:
     iterations: int
     seconds: float  # in the loop, checks and new colliders included
     frames: list[tuple[int, NDArray[np.float32]]] = field(default_factory=list)  # iteration and shape
+    moved: Floats | None = None  # of an item that is not at rest: its last motion from check to check [m], shape [V]
 
 
 def chunks(relaxation: Relaxation) -> tuple[int, ...]:
@@ -320,7 +321,9 @@ class _Loop:
     def _end(self, item: int, status: Status, check: Check) -> None:
         """Records how an item has ended; the points are read in the end, all at once."""
         points = self._certifier.last_points(item) if status is Status.DIVERGED else np.zeros((0, 3))
-        self._outcomes[item] = Outcome(status, check, points, check.iteration, time.perf_counter() - self._began)
+        seconds = time.perf_counter() - self._began
+        moved = self._certifier.last_motion(item) if status is Status.ITERATION_LIMIT else None
+        self._outcomes[item] = Outcome(status, check, points, check.iteration, seconds, moved=moved)
 
     def _react(self) -> None:
         """Applies what the last positions call for: contact, the anisotropic step, and colliders."""

@@ -18,10 +18,10 @@ from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, tolerance_of
 from warp_cloth.model.result import Penetration, Status
-from warp_cloth.report.status import more_iterations, sentence_of
+from warp_cloth.report.rest import limits_missed
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.strains import edge_strains, strain_summary
-from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.solver.loop import Goal, Outcome, relax_items
 from warp_cloth.solver.relax import Relaxation
 
 
@@ -82,7 +82,7 @@ def run_with_stops(scene: Scene, device: str, stops: Collection[int]) -> list[Ru
         if count < outcome.iterations
     ]
     ends.append((outcome.status, outcome.iterations, relaxing, outcome.points))
-    message = sentence_of(outcome, goal.tolerance, more_iterations(scene, outcome))
+    message = _ended(outcome, goal)
     return _states(problem, ends, loading, message)
 
 
@@ -100,6 +100,14 @@ def _states(
         worn = tuple(np.split(points, starts))
         states.append(RunState(status, count, loading, seconds, outfit.meshes, worn, depth, strain, message))
     return states
+
+
+def _ended(outcome: Outcome, goal: Goal) -> str:
+    """How a run ended, in a sentence."""
+    after = f"after {outcome.iterations:,} iterations"
+    if outcome.status is Status.ITERATION_LIMIT:
+        return f"Not at rest {after}: {', '.join(limits_missed(outcome.check, goal.tolerance))}."
+    return f"{'Diverged' if outcome.status is Status.DIVERGED else 'At rest'} {after}."
 
 
 class _Recorder:

@@ -251,6 +251,12 @@ class Certifier:
         last = np.array(self._last[part].numpy(), dtype=np.float64)
         return last if np.isfinite(last).all() else np.array(self._before[part].numpy(), dtype=np.float64)
 
+    def last_motion(self, item: int) -> Floats:
+        """How far an item's vertices have moved since the last check of all items before this one [m], shape [V]."""
+        part, shapes = self._model.of_item(item), (self._model.state.position, self._last, self._before)
+        now, last, before = (np.asarray(shape[part].numpy(), dtype=np.float64) for shape in shapes)
+        return np.asarray(np.linalg.norm(now - (before if np.array_equal(now, last) else last), axis=1))
+
     def restore(self, item: int) -> None:
         """Restores an item as it was at the last snapshot, before iterations that came too late to be stopped."""
         part, state = self._model.of_item(item), self._model.state

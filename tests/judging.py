@@ -1,0 +1,58 @@
+"""Problems of a shape that a test made, measured as those of a fit, without one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from warp_cloth.avatar.exact import exact_colliders
+from warp_cloth.base.mesh import Points
+from warp_cloth.contact.garments import worn_crossings
+from warp_cloth.fitting.overlap import avatar_overlaps
+from warp_cloth.garment.outfit import Outfit, load_outfit
+from warp_cloth.model.fit_problem import FitProblem
+from warp_cloth.model.result import Residual, Status
+from warp_cloth.report.measurements import Measurements
+from warp_cloth.report.problems import find_problems
+from warp_cloth.scene import Scene, load_scene
+from warp_cloth.solver.certificate.certifier import Check, Tolerance
+from warp_cloth.solver.certificate.strains import strain_summary
+from warp_cloth.solver.loop import Outcome
+
+
+def loaded(values: dict[str, Any], start: Points | None = None) -> tuple[Scene, Outfit]:
+    """A scene and what is loaded for it; ``start`` replaces where its only garment begins [m], shape [V, 3]."""
+    scene = load_scene(values)
+    outfit = load_outfit(scene)
+    if start is not None:
+        (garment,) = outfit.garments
+        outfit = replace(outfit, garments=(replace(garment, points=start),))
+    return scene, outfit
+
+
+def judge(
+    scene: Scene,
+    outfit: Outfit,
+    worn: Points | None = None,
+    *,
+    status: Status = Status.AT_REST,
+    check: Check | None = None,
+    moved: Points | None = None,
+    contact: dict[str, Any] | None = None,
+) -> dict[str, FitProblem]:
+    """The problems of garments at these points [m], shape [V, 3], by code; None: where they start."""
+    points = np.concatenate([garment.points for garment in outfit.garments]) if worn is None else worn
+    topologies = [garment.rest.topology for garment in outfit.garments]
+    starts = np.cumsum([0, *(len(garment.points) for garment in outfit.garments)])
+    ends = np.concatenate([topology.edges + at for topology, at in zip(topologies, starts, strict=False)])
+    natural = np.concatenate([garment.rest.edge_length for garment in outfit.garments])
+    strains = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1) / natural - 1.0
+    (overlap,) = avatar_overlaps([outfit], [points], [strains], exact_colliders([outfit.avatar], "cpu"))
+    (crossings,) = worn_crossings([outfit], [points], "cpu")
+    check = check or Check(100, Residual(0.0, 0.0, 0.0, 0.0, 0.0), 0.0, True)
+    measured = Measurements(strain_summary(strains), {}, strains, overlap, crossings, contact)
+    outcome = Outcome(status, check, points, check.iteration, 0.0, moved=moved)
+    found = find_problems(scene, outfit, outcome, measured, Tolerance())
+    return {problem.code.value: problem for problem in found}

@@ -1,0 +1,118 @@
+"""Is a garment held? Nothing holds it, it fell off, slid down, or a piece of it came off."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from warp_cloth.base.connected import connected_components
+from warp_cloth.loading.raw import counted
+from warp_cloth.model.fit_problem import FitProblem, ProblemCode
+from warp_cloth.model.result import Status
+from warp_cloth.report.judged import Judged, listed
+
+BELOW_FEET = 0.15  # fraction of a garment that has come down below the avatar; less is a train, or a long hem
+# Of the avatar's height: a garment that reaches higher is held there, like a gown, or a cloth over a ball.
+HANGING = 0.5
+DETACHED = 0.1  # [m]; a piece of a garment that falls farther than the largest piece has come off
+
+
+def support_problems(judged: Judged) -> Iterator[FitProblem]:
+    """Problems of what holds a garment; of a pinned one only that a piece comes off."""
+    lost = None if judged.pinned else unsupported(judged) or fell_off(judged) or slid_off(judged)
+    if lost is not None:
+        yield lost
+    else:
+        yield from detached_pieces(judged)
+
+
+def unsupported(judged: Judged) -> FitProblem | None:
+    """A garment without pins and without a body."""
+    if judged.of.body is not None or judged.of.outcome.status is Status.AT_REST:
+        return None
+    return FitProblem(
+        ProblemCode.UNSUPPORTED,
+        f'Nothing holds "{judged.name}": it has no pins and no avatar.',
+        "Put it on an avatar, or pin some of its vertices.",
+        judged.name,
+        vertices=tuple(range(len(judged.points))),
+    )
+
+
+def fell_off(judged: Judged) -> FitProblem | None:
+    """A garment that is wholly beside or below its body."""
+    body, points = judged.of.body, judged.points
+    if body is None:
+        return None
+    low, high = body.bounds()
+    beside = np.maximum(points.min(axis=0) - high, low - points.max(axis=0))[[0, 2]].max()
+    below = low[1] - points[:, 1].max()
+    if beside <= 0.0 and below <= 0.0:
+        return None
+    message = f'"{judged.name}" has fallen past the avatar, which does not hold it.'
+    if beside > 0.0:
+        message = f'"{judged.name}" is beside the avatar, which cannot hold it.'
+    return FitProblem(
+        ProblemCode.FELL_OFF,
+        message,
+        "Place it around or above the avatar, or pin some of its vertices.",
+        judged.name,
+        {"beside_mm": 1e3 * max(float(beside), 0.0), "below_mm": 1e3 * max(float(below), 0.0)},
+        vertices=tuple(range(len(points))),
+    )
+
+
+def slid_off(judged: Judged) -> FitProblem | None:
+    """A garment that has slid down to its body's feet."""
+    body, points = judged.of.body, judged.points
+    if body is None:
+        return None
+    floor, top = float(body.bounds()[0][1]), float(body.bounds()[1][1])
+    if points[:, 1].max() > floor + HANGING * (top - floor):
+        return None
+    below, before = ((place[:, 1] < floor).mean() for place in (points, judged.garment.points))
+    if not below - before > BELOW_FEET:
+        return None
+    return FitProblem(
+        ProblemCode.SLID_OFF,
+        f'"{judged.name}" has slid down to the avatar\'s feet, and {100 * below:.0f} % of it hangs below them '
+        "(there is no floor).",
+        "It is too wide to stay up: use a smaller one, or pin some of its vertices.",
+        judged.name,
+        {"below_feet_fraction": float(below), "slid_mm": 1e3 * _drop(judged)},
+        vertices=listed(np.flatnonzero(points[:, 1] < floor)),
+    )
+
+
+def _drop(judged: Judged) -> float:
+    """How far its highest vertex has come down [m]."""
+    return float(judged.garment.points[:, 1].max() - judged.points[:, 1].max())
+
+
+def detached_pieces(judged: Judged) -> Iterator[FitProblem]:
+    """Pieces that fall off because nothing connects them to the rest."""
+    start, points = judged.garment.points, judged.points
+    fall = start[:, 1] - points[:, 1]
+    if not fall.max() > fall.min() + DETACHED:
+        return
+    a, b, c = judged.garment.triangles.T
+    piece = connected_components(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
+    kinds, number, count = np.unique(piece, return_inverse=True, return_counts=True)
+    if len(kinds) == 1:
+        return
+    least = np.full(len(kinds), np.inf)
+    np.minimum.at(least, number, fall)
+    further = least - np.median(fall[number == np.argmax(count)])
+    fallen = further > DETACHED
+    if not fallen.any():
+        return
+    yield FitProblem(
+        ProblemCode.DETACHED_PIECE,
+        f'{int(fallen.sum())} of the {counted(len(kinds), "piece")} of "{judged.name}" fall off, because nothing '
+        "connects them to the others.",
+        "Leave out buttons and other loose parts, or weld them to the garment.",
+        judged.name,
+        {"pieces": int(fallen.sum()), "fallen_mm": 1e3 * float(further.max())},
+        vertices=listed(np.flatnonzero(fallen[number])),
+    )
