@@ -208,6 +208,86 @@ def test_an_edge_twice_as_long_as_it_is_cut_is_an_open_seam(open_by: float, told
         assert len(problem.vertices) == 18
 
 
+def tube(tmp_path: Path) -> tuple[dict[str, Any], np.ndarray]:
+    """A tube 0.1 m in radius and 0.3 m long, upright, around a post 1.6 m high."""
+    around, along = 36, 13
+    turn, height = np.meshgrid(2.0 * np.pi * np.arange(around) / around, np.linspace(0.7, 1.0, along))
+    points = np.stack([0.1 * np.cos(turn), height, 0.1 * np.sin(turn)], axis=2).reshape(-1, 3)
+    here = (np.arange(along - 1)[:, None] * around + np.arange(around)).ravel()
+    beside = here - here % around + (here + 1) % around
+    faces = np.concatenate(
+        [np.stack(each, axis=1) for each in ((here, here + around, beside), (beside, here + around, beside + around))]
+    )
+    write_obj(tmp_path / "tube.obj", points, faces)
+    post = trimesh.creation.cylinder(0.08, 1.6, sections=48)
+    post.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (1.0, 0.0, 0.0)))
+    write_obj(tmp_path / "post.obj", post.vertices + np.array([0.0, 0.8, 0.0]), post.faces)
+    files = {"garment": {"mesh": str(tmp_path / "tube.obj"), "units": "m"}}
+    return {**files, "avatar": {"mesh": str(tmp_path / "post.obj"), "units": "m"}}, points
+
+
+def test_a_tube_around_a_post_has_no_problem(tmp_path: Path) -> None:
+    assert judge(*loaded(tube(tmp_path)[0])) == {}
+
+
+@pytest.mark.parametrize(("shift", "told"), [(0.14, True), (0.01, False)])
+def test_a_tube_beside_its_post_has_empty_openings(tmp_path: Path, shift: float, told: bool) -> None:
+    """It still reaches over the post's box, so that it has not fallen off."""
+    scene, outfit = loaded(tube(tmp_path)[0])
+    worn = outfit.garments[0].points + np.array([shift, 0.0, shift])
+    problem = judge(scene, outfit, worn).get("empty_opening")
+    assert (problem is not None) == told
+    if problem is not None:
+        assert problem.figures["openings"] == 2
+        assert problem.figures["girth_mm"] == pytest.approx(2e2 * np.pi, rel=0.01)
+        assert len(problem.vertices) == 72
+
+
+@pytest.mark.parametrize(("up", "told"), [(0.87, False), (1.15, True)])
+def test_an_opening_just_beyond_the_end_of_a_limb_is_filled(tmp_path: Path, up: float, told: bool) -> None:
+    """The post's end, at 1.6 m, lies in the tube within a radius of its upper opening, or below the tube."""
+    scene, outfit = loaded(tube(tmp_path)[0])
+    scaled = outfit.garments[0].points * [1.0, 0.2, 1.0] + np.array([0.0, up + 0.56, 0.0])  # 6 cm high
+    assert ("empty_opening" in judge(scene, outfit, scaled)) == told
+
+
+@pytest.mark.parametrize(("down", "told"), [(0.16, True), (0.13, False)])
+def test_a_top_opening_that_came_down_far_has_slid_off(tmp_path: Path, down: float, told: bool) -> None:
+    """The limit is 9 % of 1.6 m."""
+    scene, outfit = loaded(tube(tmp_path)[0])
+    problem = judge(scene, outfit, outfit.garments[0].points - np.array([0.0, down, 0.0])).get("slid_off")
+    assert (problem is not None) == told
+    if problem is not None:
+        assert problem.figures["slid_mm"] == pytest.approx(1e3 * down)
+        assert len(problem.vertices) == 36
+
+
+@pytest.mark.parametrize(("wider", "told"), [(1.3, True), (1.15, False)])
+def test_a_tube_stretched_all_around_is_too_small(tmp_path: Path, wider: float, told: bool) -> None:
+    scene, outfit = loaded(tube(tmp_path)[0])
+    problem = judge(scene, outfit, outfit.garments[0].points * [wider, 1.0, wider]).get("too_small")
+    assert (problem is not None) == told
+    if problem is not None:
+        assert problem.figures["strain_p50"] == pytest.approx(wider - 1.0, abs=0.1)
+        assert "at the hip" in problem.message  # half the post's height
+
+
+@pytest.mark.parametrize(("folded", "told"), [(1.0, True), (0.1, False)])
+def test_a_cloth_folded_like_a_fan_is_bunched_up(folded: float, told: bool) -> None:
+    """Every other row of a part of the square stands out by so much that its strips lie nearly on one another."""
+    scene, outfit = loaded(hanging())
+    points = outfit.garments[0].points.copy()
+    rows = np.unique(points[:, 1].round(6))
+    row = np.searchsorted(rows, points[:, 1].round(6))
+    some = row < folded * len(rows)
+    points[some, 1] = rows[0] + 0.002 * row[some]
+    points[some, 2] += 0.1 * (row[some] % 2)
+    problem = judge(scene, outfit, points).get("bunched_up")
+    assert (problem is not None) == told
+    if problem is not None:
+        assert problem.figures["sharp_fraction"] > 0.1
+
+
 def crossed(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Two sheets of count x count vertices, an even number, that cross like a plus seen from above."""
     points, faces = sheet(count=count)

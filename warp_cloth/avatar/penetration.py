@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.avatar.openings import Opening
 from warp_cloth.base.mesh import Points
 from warp_cloth.model.result import Penetration
 
@@ -100,3 +101,4 @@ class Overlap:
     edge_depths: NDArray[np.float32]  # of these [m], shape [K]
     faces: NDArray[np.int64]  # that it shows through, shape [L]
     face_depths: NDArray[np.float32]  # of these [m], shape [L]
+    openings: tuple[Opening, ...] = ()

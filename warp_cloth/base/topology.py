@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,28 @@ class Topology:
     hinge_edges: Indices  # edge of each hinge, shape [H]
     hinge_triangles: Indices  # its two triangles, shape [H, 2]
     hinges: Indices  # axis start, axis end, wing of the first and of the second triangle, shape [H, 4]
+
+    @cached_property
+    def boundary_loops(self) -> tuple[Indices, ...]:
+        """Vertices along each closed line of edges with a single triangle, the longest loop first."""
+        border = self.edges[np.bincount(self.triangle_edges.ravel(), minlength=len(self.edges)) == 1]
+        following: dict[int, list[int]] = {}
+        for a, b in border.tolist():
+            following.setdefault(a, []).append(b)
+            following.setdefault(b, []).append(a)
+        loops = []
+        while following:
+            loop = [next(iter(following))]
+            while following.get(loop[-1]):
+                here = loop[-1]
+                there = following[here].pop()
+                following[there].remove(here)
+                loop.append(there)
+            for vertex in loop:
+                if not following.get(vertex, True):
+                    del following[vertex]
+            loops.append(np.array(loop[:-1] or loop, dtype=np.int32))
+        return tuple(sorted((loop for loop in loops if len(loop) > 2), key=len, reverse=True))
 
 
 def build_topology(triangles: Indices, vertex_count: int) -> Topology:

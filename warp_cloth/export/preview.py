@@ -13,8 +13,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.export.files import whole_file
+from warp_cloth.export.problem_marks import draw_rings, marked_subject, places_of
 from warp_cloth.export.render import RenderedView, Subject, build_subject, render_view, shade_view, view_axes
 from warp_cloth.export.surface import linear, require_sound, srgb
+from warp_cloth.model.fit_problem import FitProblem
 from warp_cloth.model.result import WornGarment
 
 BACKGROUND = (0.94, 0.94, 0.945)  # sRGB
@@ -58,10 +60,22 @@ def write_preview(
     size: tuple[int, int] = (1500, 900),
     title: str = "",
     sentence: str = "",
+    problems: Sequence[FitProblem] = (),
 ) -> None:
-    """Writes a PNG, ``size`` wide and high [px], headed by title and sentence. ValueError if a point is not finite."""
+    """Writes a PNG, ``size`` wide and high [px], headed by title and sentence, with marks where problems are.
+
+    Raises:
+        ValueError: a point is not finite.
+    """
     require_sound(garments, avatar)
-    save_picture(draw_views(build_subject(garments, avatar, device), size, title, sentence), path)
+    subject = marked_subject(build_subject(garments, avatar, device), garments, problems)
+    layout = arrange_windows(subject.extent, size, bool(title or sentence))
+    image = compose_picture(subject, layout, render_views(subject, layout), size, title, sentence)
+    places, height = places_of(garments, problems), text_height(size)
+    for window in layout.windows:
+        area = window.left, layout.top, window.width, layout.height
+        draw_rings(image, area, window.toward, subject.centre, layout.pixel, places, height)
+    save_picture(image, path)
 
 
 def draw_views(

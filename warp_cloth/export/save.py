@@ -39,6 +39,7 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
         device=fit.device,
         title=scene.name,
         sentence=fit.message,
+        problems=[problem for problem in fit.problems if not problem.code.is_note],
     )
     paths += [picture, report]
     for name in set(MAPS) - set(ranges):  # of an earlier run: they would be taken for this one's

@@ -13,10 +13,13 @@ class ProblemCode(str, Enum):
 
     DIVERGED = "diverged"
     WRONG_SCALE = "wrong_scale"
+    TOO_SMALL = "too_small"
     UNSUPPORTED = "unsupported"
     FELL_OFF = "fell_off"
     SLID_OFF = "slid_off"
     DETACHED_PIECE = "detached_piece"
+    EMPTY_OPENING = "empty_opening"
+    BUNCHED_UP = "bunched_up"
     THROUGH_BODY = "through_body"
     INSIDE_BODY = "inside_body"
     SHOWN_THROUGH = "shown_through"

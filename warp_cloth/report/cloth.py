@@ -12,6 +12,13 @@ from warp_cloth.model.fit_problem import FitProblem, ProblemCode
 from warp_cloth.report.judged import Judged, listed
 
 WRONG_SCALE = 0.3  # strain of half the edges: the tightest of worn cloth has less
+# Of 81 designs at rest, in the size that they were drafted in, up to 0.09 of the edges' length is stretched by 0.2.
+TIGHT, TIGHT_SHARE = 0.2, 0.15
+# Angle between the normals of neighbouring triangles, and the fraction of hinges folded so sharply: of these designs
+# 0.06 at most, in a silk skirt of many panels.
+SHARP, BUNCHED = np.radians(120.0), 0.1
+# Lowest height of each part of a standing body, of its own.
+PARTS = {"neck and shoulders": 0.82, "chest": 0.68, "waist": 0.57, "hip": 0.42, "legs": -np.inf}
 OPEN = 0.5  # strain of an edge: twice what any worn knit reaches, so it is a seam that did not close
 # Fraction of faces that may pass through others where contact of cloth with cloth is switched off; of a T-shirt's,
 # creased at the armpits, 0.03 do. With contact any crossing pair counts.
@@ -20,7 +27,7 @@ CROSSED_WITHOUT_CONTACT = 0.05
 
 def cloth_problems(judged: Judged) -> Iterator[FitProblem]:
     """Problems of a garment with its own cloth, and with other garments'."""
-    found = wrong_scale(judged), seam_open(judged), crossing(judged)
+    found = wrong_scale(judged), too_small(judged), bunched_up(judged), seam_open(judged), crossing(judged)
     yield from (problem for problem in found if problem is not None)
 
 
@@ -35,6 +42,54 @@ def wrong_scale(judged: Judged) -> FitProblem | None:
         "Check garment.units and garment.uv_units, garment.rest, and the garment's size relative to the body.",
         judged.name,
         {"strain_p50": float(middle), "limit": WRONG_SCALE},
+    )
+
+
+def too_small(judged: Judged) -> FitProblem | None:
+    """Much of the cloth stretched far over a body."""
+    body, length = judged.of.body, judged.garment.rest.edge_length
+    tight = np.flatnonzero(judged.strains > TIGHT)
+    share = float(length[tight].sum() / length.sum())
+    if body is None or not share > TIGHT_SHARE or not np.median(judged.strains) > 0.0:
+        return None
+    ends, strain = judged.edge_ends[tight], float(np.median(judged.strains[tight]))
+    (floor, top) = (float(corner[1]) for corner in body.bounds())
+    height = (float(np.median(judged.points[ends, 1])) - floor) / (top - floor)
+    where = next(name for name, lowest in PARTS.items() if height > lowest)
+    return FitProblem(
+        ProblemCode.TOO_SMALL,
+        f'"{judged.name}" is too small for the body, most of all at the {where}: {100 * share:.0f} % of its cloth is '
+        f"stretched by more than {100 * TIGHT:.0f} %, half of that by {100 * strain:.0f} % or more.",
+        "Use a larger size or a softer fabric, or a smaller body.",
+        judged.name,
+        {"stretched_fraction": share, "strain_p50": strain, "height_fraction": height, "limit": TIGHT_SHARE},
+        vertices=listed(ends),
+    )
+
+
+def bunched_up(judged: Judged) -> FitProblem | None:
+    """Cloth crumpled into sharp folds, as where it has gathered at a limb."""
+    topology, points, triangles = judged.garment.rest.topology, judged.points, judged.garment.triangles
+    if not len(topology.hinges):
+        return None
+    corners = points[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    first, second = (normals[topology.hinge_triangles[:, side]] for side in (0, 1))
+    # sizes of the normals by products, which are faster than norms
+    product = np.einsum("hi,hi->h", first, second)
+    size = np.sqrt(np.einsum("hi,hi->h", first, first) * np.einsum("hi,hi->h", second, second))
+    sharp = np.flatnonzero(product < np.cos(SHARP) * size)
+    share = len(sharp) / len(product)
+    if not share > BUNCHED:
+        return None
+    return FitProblem(
+        ProblemCode.BUNCHED_UP,
+        f'"{judged.name}" is bunched up: {100 * share:.0f} % of its folds are sharper than '
+        f"{np.degrees(SHARP):.0f} degrees (limit {100 * BUNCHED:.0f} %).",
+        "Place it around the body as it is to be worn, so that it need not fall or be gathered.",
+        judged.name,
+        {"sharp_fraction": share, "limit": BUNCHED, "angle_degrees": float(np.degrees(SHARP))},
+        vertices=listed(topology.hinges[sharp, :2]),
     )
 
 
