@@ -1,0 +1,133 @@
+"""Fits the random designs as one batch, judges every result from outside, and compares the judge with ``worn``.
+
+    python tests/benchmarks/designs/run.py --designs designs --data ../shared/data --out designs_out --device cpu
+
+Each item states its mesh, its fabric (cotton, jersey, silk, denim by turns) and its body, and nothing else but what
+--set names. Writes judged.csv into --out, and prints the table and a summary.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from designs.geometry import Floats, read_obj
+from designs.judge import Wearer, judge
+
+FABRICS = ("cotton", "jersey", "silk", "denim")
+BODIES = ("garmentcode", "bodies")  # folders of --data that hold the bodies of index.csv
+COLUMNS = ("name", "status", "worn", "problems", "judge", "iterations")
+
+
+def designs_of(folder: Path, data: Path, only: list[str]) -> list[dict[str, str]]:
+    """Rows of a job file, paths absolute; fabrics go by the place in index.csv, whatever --only leaves out."""
+    with (folder / "index.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    found = []
+    for place, row in enumerate(rows):
+        bodies = [path for part in BODIES if (path := data / part / f"{row['body']}.obj").exists()]
+        job = {
+            "name": row["name"],
+            "garment.mesh": str((folder / row["garment"]).absolute()),
+            "garment.fabric": FABRICS[place % len(FABRICS)],
+            "avatar.mesh": str(bodies[0].absolute()),
+        }
+        if not only or row["name"] in only:
+            found.append(job)
+    return found
+
+
+def run_batch(jobs: list[dict[str, str]], changes: list[str], given: argparse.Namespace) -> None:
+    """Writes scene and job file, and runs ``warp-cloth batch`` over them."""
+    given.out.mkdir(parents=True, exist_ok=True)
+    first, scene = jobs[0], given.out / "scene.toml"
+    scene.write_text(
+        f'[garment]\nmesh = "{first["garment.mesh"]}"\nfabric = "{first["garment.fabric"]}"\n'
+        f'[avatar]\nmesh = "{first["avatar.mesh"]}"\n'
+    )
+    pairs = dict(change.split("=", 1) for change in changes)
+    with (given.out / "jobs.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, ["name", "scene", *list(first)[1:], *pairs])
+        writer.writeheader()
+        writer.writerows({**job, "scene": str(scene.absolute()), **pairs} for job in jobs)
+    words = [
+        sys.executable,
+        "-m",
+        "warp_cloth",
+        "batch",
+        str(given.out / "jobs.csv"),
+        "--out",
+        str(given.out / "batch"),
+    ]
+    words += ["--device", given.device] if given.device else []
+    words += ["--workers", str(given.workers)] if given.workers else []
+    subprocess.run(words, check=False)  # its exit status tells whether all are worn; the table says more
+
+
+def shapes_of(folder: Path) -> dict[str, Floats]:
+    """The worn points [m] of each item of a batch."""
+    found = {}
+    for path in sorted((folder / "shards").glob("*.npz")):
+        with np.load(path) as packed:
+            starts, points = packed["point_start"], packed["points"]
+            for g, item in enumerate(packed["item"]):
+                found[str(item)] = np.asarray(points[starts[g] : starts[g + 1]], dtype=np.float64)
+    return found
+
+
+def judged_rows(jobs: list[dict[str, str]], folder: Path) -> list[dict[str, str]]:
+    """A row per item: what the batch says, and what the judge says."""
+    with (folder / "results.csv").open() as file:
+        results = {row["name"]: row for row in csv.DictReader(file)}
+    shapes, rows = shapes_of(folder), []
+    wearers: dict[str, Wearer] = {}
+    for job in jobs:
+        row = {column: results[job["name"]].get(column, "") for column in COLUMNS}
+        if job["name"] in shapes:
+            body = job["avatar.mesh"]
+            if body not in wearers:
+                wearers[body] = Wearer.of(read_obj(Path(body)))
+            garment = read_obj(Path(job["garment.mesh"]))
+            found = judge(garment, shapes[job["name"]], wearers[body], at_rest=row["status"] == "at_rest")
+            row["judge"] = str(found)
+            row |= {name: f"{value:.4g}" for name, value in found.figures.items()}
+        rows.append(row)
+    return rows
+
+
+def main() -> None:
+    parse = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parse.add_argument("--designs", type=Path, required=True, help="folder of index.csv")
+    parse.add_argument("--data", type=Path, required=True, help="folder of garmentcode/ and bodies/")
+    parse.add_argument("--out", type=Path, default=Path("designs_out"))
+    parse.add_argument("--only", nargs="+", default=[], metavar="NAME")
+    parse.add_argument("--device")
+    parse.add_argument("--workers", type=int)
+    parse.add_argument("--set", dest="changes", action="append", default=[], metavar="KEY=VALUE")
+    given = parse.parse_args()
+    jobs = designs_of(given.designs, given.data, given.only)
+    run_batch(jobs, given.changes, given)
+    rows = judged_rows(jobs, given.out / "batch")
+    names = list(dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)]))
+    with (given.out / "judged.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        writer.writerows(rows)
+    for row in rows:
+        print("  ".join(str(row[column]) for column in COLUMNS))
+    print(f"at_rest {sum(row['status'] == 'at_rest' for row in rows)} of {len(rows)}")
+    print(f"judged_good {sum(row['judge'] == 'good' for row in rows)} of {len(rows)}")
+    for (worn, good), count in sorted(Counter((row["worn"] or "-", row["judge"] == "good") for row in rows).items()):
+        print(f"worn_{worn}.judged_{'good' if good else 'bad'} {count} designs")
+
+
+if __name__ == "__main__":
+    main()
