@@ -120,7 +120,15 @@ def test_report_has_every_stable_key_with_its_type(saved: tuple[Fit, Path]) -> N
     [
         ("tshirt", ()),
         ("sphere", ("solver.cap=0.00123456789", "garment.fabric=denim", "avatar.friction=0.25")),
-        ("hanging", ("garment.fabric.weight=0.123456789", "garment.uv_units=0.0254", "collision.offset_mm=1")),
+        (
+            "hanging",
+            (
+                "garment.fabric.weight=0.123456789",
+                "garment.rest=mesh",
+                "garment.uv_units=0.0254",
+                "collision.offset_mm=1",
+            ),
+        ),
     ],
 )
 @pytest.mark.usefixtures("no_picture")

@@ -161,7 +161,7 @@ UV_REFUSED: dict[str, tuple[np.ndarray | None, str]] = {
 def test_panels_that_cannot_be_the_rest_shape_are_refused(case: str) -> None:
     texcoords, words = UV_REFUSED[case]
     write_obj(Path("panels.obj"), *sheet(), texcoords)
-    line = refused(scene_of("panels.obj", "ball.obj", 'rest = "uv"'))
+    line = refused(scene_of("panels.obj", "ball.obj", 'rest = "uv"\nuv_units = "m"'))
     assert line.startswith("error: panels.obj: ")
     assert words in line
     assert "garment." in line

@@ -350,9 +350,9 @@ def test_a_gap_that_no_view_shows_is_noted_until_all_layers_are_drawn(tmp_path: 
 @pytest.mark.parametrize(
     ("garment", "told"),
     [
-        ({"shape": {"kind": "tshirt"}}, "panels as they are placed"),
+        ({"shape": {"kind": "tshirt"}, "rest": "mesh"}, "panels as they are placed"),
         ({"shape": {"kind": "tshirt"}, "rest": "uv"}, ""),
-        ({"shape": {"kind": "square"}, "uv_units": "cm"}, "uv_units is not used"),
+        ({"shape": {"kind": "square"}, "rest": "mesh", "uv_units": "cm"}, "uv_units is not used"),
         ({"shape": {"kind": "square"}}, ""),
     ],
 )

@@ -44,7 +44,7 @@ def test_shipped_scenes_load_under_their_names() -> None:
         assert load_scene(name).name == name
     shirt = load_scene("tshirt")
     assert isinstance(shirt.garments[0].shape, TshirtShape)
-    assert (shirt.garments[0].rest, shirt.garments[0].fabric) == ("uv", fabric_named("jersey"))
+    assert (shirt.garments[0].rest, shirt.garments[0].fabric) == ("auto", fabric_named("jersey"))
     assert load_scene("hanging").avatar is None
     assert len(load_scene("hanging").garments[0].pin) == 2
 
@@ -111,7 +111,7 @@ def test_left_out_keys_take_the_schema_defaults(tmp_path: Path) -> None:
     scene = load_scene(write(tmp_path, MINIMAL + BODY, "mine.toml"))
     assert scene.name == "mine"
     assert scene.garments[0].name == "shirt"
-    assert scene.garments[0].uv_metres == 1.0
+    assert scene.garments[0].uv_metres is None
     assert (scene.collision, scene.solver) == (CollisionSpec(), SolverSpec())
     assert scene.garment_keys == ("garment",)
 

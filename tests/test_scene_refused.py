@@ -47,11 +47,11 @@ def refused(source: Any) -> str:
             "garment.fabric = {name = 'silk', stretsh = 3}",
             "garment.fabric.stretsh: unknown key; did you mean stretch?",
         ),
-        ('garment.rest = "flat"', 'garment.rest: must be one of "mesh", "uv", "physics", not "flat"'),
+        ('garment.rest = "flat"', 'garment.rest: must be one of "auto", "mesh", "uv", "physics", not "flat"'),
         ('garment.units = "ft"', 'garment.units: must be one of "m", "cm", "mm", "in", not "ft"'),
         (
             "garment.uv_units = 0",
-            'garment.uv_units: 0 is not a unit; use "m", "cm", "mm", "in", or metres per unit',
+            'garment.uv_units: 0 is not a unit; use "auto", "m", "cm", "mm", "in", or metres per unit',
         ),
         ("garment.uv_units = true", "garment.uv_units: true is not a unit"),
         ('garment.up = "x"', 'garment.up: must be one of "y", "z", not "x"'),

@@ -199,7 +199,7 @@ def test_a_stage_without_physics_must_be_told_its_prims(tmp_path: Path) -> None:
         load_scene(path)
     assert "--set garment.prim=PATH --set avatar.prim=PATH" in refused.value.remedy
     scene = load_scene(path, ("garment.prim=/World/wardrobe/cloth", "avatar.prim=/World/ball"))
-    assert scene.garments[0].rest == "mesh"
+    assert scene.garments[0].rest == "auto"
 
 
 def test_the_users_stage_is_not_written_over(metres: tuple[Path, Fit]) -> None:

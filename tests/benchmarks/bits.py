@@ -19,8 +19,8 @@ from wearing import BODIES, SHARED, SHARED_SHIRT
 
 LAYERS = {
     "garment": [
-        {"shape": {"kind": "tshirt", "size": "M"}, "fabric": "cotton"},
-        {"shape": {"kind": "tshirt", "size": "L"}, "fabric": "denim"},
+        {"shape": {"kind": "tshirt", "size": "M"}, "rest": "mesh", "fabric": "cotton"},
+        {"shape": {"kind": "tshirt", "size": "L"}, "rest": "mesh", "fabric": "denim"},
     ],
     "avatar": {"shape": {"kind": "mannequin"}},
     "collision": {"cloth": True},

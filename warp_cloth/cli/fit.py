@@ -97,6 +97,7 @@ def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str], sta
 def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str]:
     """A fit in a few lines: its message, the certificate's main figures, the files written."""
     from warp_cloth.report.notes import notes_of
+    from warp_cloth.report.numbers import shown_choice
 
     residual, strain = report.get("residual") or {}, report.get("strain") or {}
     yarns = {direction: strain[direction]["p99"] for direction in ("warp", "weft", "bias") if direction in strain}
@@ -115,6 +116,8 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
     rows += [
         ("problem", f"{each['code']}: {each['message']} {each['remedy']}") for each in report.get("problems") or ()
     ]
+    chosen = [f"{choice['key']} = {shown_choice(choice['value'])}" for choice in report.get("choices") or ()]
+    rows.append(("chosen", ", ".join(chosen)))
     rows += [("note", note) for note in notes_of(report)]
     lines += [f"  {label:<12} {text}" for label, text in rows if text]
     return lines + [f"  wrote        {path}" for path in paths]

@@ -37,12 +37,7 @@ def placed(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, cach
 
     def shift_of(scene: Scene, outfit: Outfit, index: int) -> Points | None:
         garment, avatar = outfit.garments[index], outfit.starting_avatar
-        if (
-            avatar is None
-            or scene.collision.avatar == "none"
-            or scene.garments[index].rest != "uv"
-            or len(garment.pins)
-        ):
+        if avatar is None or scene.collision.avatar == "none" or garment.rest.source.kind != "uv" or len(garment.pins):
             return None
         surface = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar)).closing.surface(avatar)
         return cache.get_or_make(

@@ -15,7 +15,7 @@ from warp_cloth.export.report import plain
 from warp_cloth.maps.colour import shown_value
 from warp_cloth.maps.kinds import MAPS
 from warp_cloth.report.notes import notes_of
-from warp_cloth.report.numbers import short_number
+from warp_cloth.report.numbers import short_number, shown_choice
 from warp_cloth.solver.certificate.rest_error import GROWING
 
 
@@ -35,6 +35,7 @@ def write_report_page(path: Path, name: str, report: Mapping[str, Any], pictures
         certificate=certificate_rows(report),
         girths=report.get("girths_mm") or (),
         maps=[_map_card(key, values, embedded[key]) for key in report.get("maps") or {} if key in embedded],
+        choices=[(each["key"], shown_choice(each["value"]), each["reason"]) for each in report.get("choices") or ()],
         notes=notes_of(report),
         settings=json.dumps(report["settings"], indent=2, ensure_ascii=False),
         version=version("warp-cloth"),

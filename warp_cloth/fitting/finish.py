@@ -100,6 +100,7 @@ def _measure(problem: Problem, outcomes: Sequence[Outcome], levels: Sequence[Seq
             crossings=crossings[item],
             contact=problem.contact_report(item),
             levels=levels[item],
+            choices=problem.choices(item),
         )
         for item in range(len(outcomes))
     ]

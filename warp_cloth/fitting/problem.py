@@ -16,6 +16,7 @@ from warp_cloth.avatar.contact import AvatarContact, ContactOptions, avatar_modu
 from warp_cloth.avatar.depth import DEFAULT_REACH
 from warp_cloth.avatar.solid import solid_of
 from warp_cloth.base.cache import Cache
+from warp_cloth.base.choice import Choice
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.contact.garments import build_cloth_contact, highest_lift, placed
@@ -75,6 +76,10 @@ class Problem:
             return None
         poses = asdict(self.pose_run) if self.pose_run is not None else None
         return {**(self.contacts[item].report or {}), "carried": poses}
+
+    def choices(self, item: int) -> tuple[Choice, ...]:
+        """What was chosen for an item where its scene says "auto", in the order of the scene's keys."""
+        return tuple(choice for garment in self.outfits[item].garments for choice in garment.rest.source.choices)
 
 
 def problem_kind(scene: Scene, outfit: Outfit) -> tuple[Any, ...]:

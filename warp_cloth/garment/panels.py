@@ -14,6 +14,7 @@ from warp_cloth.loading.raw import counted
 from warp_cloth.loading.sizes import PLAUSIBLE, was_guessed
 
 Floats = NDArray[np.float64]
+MetresPerUv = float | tuple[float, float]  # of texture space; two: along u and v
 
 # Rest length over length in the mesh, median over the edges. Panels placed round a body are near 1, and a garment
 # that starts half or twice its size gets a note; the units that get mixed up are 10 times or more apart.
@@ -40,7 +41,7 @@ LEFT_OUT_AREA = 1.0e-6
 MOST_LEFT_OUT = 0.05
 
 
-def panel_sides(mesh: Mesh, metres_per_uv: float, place: str, key: str) -> tuple[Floats, tuple[str, ...]]:
+def panel_sides(mesh: Mesh, metres_per_uv: MetresPerUv, place: str, key: str) -> tuple[Floats, tuple[str, ...]]:
     """Lengths of each triangle's sides in the panels [m], shape [F, 3], and notes.
 
     Raises:
@@ -50,19 +51,25 @@ def panel_sides(mesh: Mesh, metres_per_uv: float, place: str, key: str) -> tuple
     if mesh.texcoords is None:
         raise InputError(place, 'rest = "uv" needs texture coordinates on every face, and this mesh lacks them', remedy)
     with np.errstate(over="ignore", invalid="ignore"):
-        sides = triangle_sides(mesh.texcoords * metres_per_uv)
+        sides = triangle_sides(mesh.texcoords * np.asarray(metres_per_uv))
         areas = triangle_areas(sides)
     if not np.isfinite(areas).all():
         raise InputError(place, "the texture coordinates are too large for panels", remedy)
     if not areas.any():
         raise InputError(place, "the panels have no area in texture space", remedy)
-    left_out = areas <= LEFT_OUT_AREA * float(np.median(areas[areas > 0.0]))
+    left_out = left_out_triangles(areas)
     count = int(left_out.sum())
     if count > MOST_LEFT_OUT * len(areas):
         raise InputError(place, f"{count:,} of {len(areas):,} triangles have no area in texture space", remedy)
     sides[left_out] = triangle_sides(mesh.points[mesh.triangles[left_out]])
     note = f"{count:,} of {len(areas):,} triangles have no area in texture space and keep their lengths in the mesh"
     return sides, (note,) if count else ()
+
+
+def left_out_triangles(areas: Floats) -> NDArray[np.bool_]:
+    """Whether each triangle was left out of the panels, by its area in texture space; shape [F] each."""
+    some = areas[areas > 0.0]
+    return np.asarray(areas <= LEFT_OUT_AREA * (float(np.median(some)) if len(some) else 0.0))
 
 
 def check_scale(

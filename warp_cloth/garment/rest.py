@@ -17,8 +17,9 @@ from warp_cloth.base.topology import Topology, build_topology
 from warp_cloth.garment.folds import hinge_angles
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.panels import check_axes, check_scale, check_seams, panel_sides
+from warp_cloth.garment.rest_choice import AS_MODELLED, RestSource, choose_rest, mean_scale, panel_corners
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
-from warp_cloth.loading.repair import RestKind
+from warp_cloth.loading.repair import RestKey
 from warp_cloth.material.bending import hinge_constants
 from warp_cloth.material.constants import Sheet, YarnConstants, edge_constants, lay_flat, yarn_constants
 from warp_cloth.material.fabric import Fabric, unlikely_values
@@ -32,7 +33,7 @@ GRAVITY = 9.80665  # standard gravity [m/s2]
 # below this fraction of the garment's median edge they count as that long.
 SHORTEST_EDGE = 1.0e-3
 
-COMMON = ("topology", "edge_length", "sheet", "area", "hinge_angle", "corners")  # to a garment's every fabric
+COMMON = ("topology", "edge_length", "sheet", "area", "hinge_angle", "corners", "source")  # to a garment's every fabric
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +53,7 @@ class RestShape:
     sheet: Sheet | None = None  # the rest shape triangle by triangle, for maps
     corners: Floats | None = None  # of every triangle in the panels or the mesh as loaded [m], shape [F, 3, 2 or 3]
     fabric: Fabric | None = None  # what the constants are of
+    source: RestSource = AS_MODELLED
 
     @property
     def fold_angle(self) -> Floats:
@@ -67,27 +69,28 @@ def _stated_sides(mesh: Mesh, place: str, key: str) -> Floats:
     return triangle_sides(mesh.rest_corners)
 
 
-def _places(mesh: Mesh, metres_per_uv: float | None) -> Floats:
+def _places(mesh: Mesh, source: RestSource) -> Floats:
     """Corners of every triangle where the rest shape has them, shape [F, 3, 2 or 3]."""
-    if metres_per_uv is None or mesh.texcoords is None:
+    if source.kind != "uv":
         return np.asarray(mesh.points[mesh.triangles])
-    return np.asarray(mesh.texcoords * metres_per_uv)
+    return panel_corners(mesh, source.metres_per_uv)
 
 
 FLATNESS = 1e-3  # of a normal's components; a mesh that is flatter lies in a plane
 
 
-def _drawn_flat(mesh: Mesh, grain: Grain, key: str, rest: RestKind) -> Floats | None:
+def _drawn_flat(mesh: Mesh, grain: Grain, key: str, source: RestSource) -> Floats | None:
     """Corners of every triangle, x along weft and y along warp, shape [F, 3, 2]; None where the warp is unknown.
 
     The warp is +y of a stated rest shape in the xy plane, the panels' +v, or, of a flat mesh without panels, what is
     up in it: +y, or -z where it lies.
     """
-    stated = mesh.rest_corners if rest == "physics" else None
+    stated = mesh.rest_corners if source.kind == "physics" else None
     if stated is not None and np.ptp(stated[..., 2]) <= FLATNESS * np.ptp(stated):
         drawn = stated[..., 0] + 1j * stated[..., 1]
     elif mesh.texcoords is not None:
-        drawn = mesh.texcoords[..., 0] + 1j * mesh.texcoords[..., 1]
+        u, v = source.metres_per_uv if isinstance(source.metres_per_uv, tuple) else (1.0, 1.0)  # only angles matter
+        drawn = u * mesh.texcoords[..., 0] + 1j * (v * mesh.texcoords[..., 1])
     else:
         corners = mesh.points[mesh.triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -116,6 +119,7 @@ class RestGeometry:
     hinge_angle: Floats | None = None  # at rest [rad], shape [H]; None: flat
     corners: Floats | None = None  # as in RestShape
     notes: tuple[str, ...] = ()
+    source: RestSource = AS_MODELLED
 
 
 def own_constants(rest: RestShape) -> dict[str, Any]:
@@ -141,6 +145,7 @@ def in_geometry(own: dict[str, Any], geometry: RestGeometry) -> RestShape:
         area=geometry.area,
         hinge_angle=geometry.hinge_angle,
         corners=geometry.corners,
+        source=geometry.source,
         **own,
     )
 
@@ -149,8 +154,8 @@ def build_rest_shape(
     mesh: Mesh,
     fabric: Fabric,
     *,
-    rest: RestKind,
-    metres_per_uv: float = 1.0,
+    rest: RestKey,
+    metres_per_uv: float | None = 1.0,
     grain: Grain | None = None,
     rest_angles: RestAngles = "flat",
     place: str = "garment",
@@ -177,8 +182,8 @@ def rest_in_fabric(geometry: RestGeometry, vertex_count: int, fabric: Fabric) ->
 def build_rest_geometry(
     mesh: Mesh,
     *,
-    rest: RestKind,
-    metres_per_uv: float = 1.0,
+    rest: RestKey,
+    metres_per_uv: float | None = 1.0,
     grain: Grain | None = None,
     rest_angles: RestAngles = "flat",
     place: str = "garment",
@@ -188,8 +193,8 @@ def build_rest_geometry(
 
     Args:
         mesh: the garment.
-        rest: where the rest shape comes from.
-        metres_per_uv: length of one unit of texture space [m].
+        rest: where the rest shape comes from; with "auto" the mesh shows it.
+        metres_per_uv: length of one unit of texture space [m]; None: the mesh shows it.
         grain: direction of the warp in the panels; None: their +v.
         rest_angles: whether folds are flat at rest, as in the mesh (pressed pleats), or as a stage states them.
         place: the mesh's file or name, for messages.
@@ -198,30 +203,41 @@ def build_rest_geometry(
     Raises:
         InputError: the rest shape cannot be used.
     """
+    source = choose_rest(mesh, rest, metres_per_uv, key)
     notes: tuple[str, ...] = ()
     sides = triangle_sides(mesh.points[mesh.triangles])
     drawn = sides
-    if rest == "uv":
-        sides, notes = panel_sides(mesh, metres_per_uv, place, key)
-    elif rest == "physics":
+    if source.kind == "uv":
+        sides, notes = panel_sides(mesh, source.metres_per_uv, place, key)
+    elif source.kind == "physics":
         sides = _stated_sides(mesh, place, key)
     areas = triangle_areas(sides)
     if not areas.sum() > 0.0:
         raise InputError(place, "the garment has no area", "check the mesh")
-    like = _drawn_flat(mesh, grain or Grain(), key, rest)
+    like = _drawn_flat(mesh, grain or Grain(), key, source)
     geometry = _laid_out(mesh.triangles, sides, mesh.vertex_count, like)
-    topology, length = geometry.sheet.topology, geometry.length
-    if rest == "uv":
-        side_edge = topology.triangle_edges.ravel()
-        initial = np.bincount(side_edge, drawn.ravel(), len(length)) / np.bincount(side_edge, minlength=len(length))
-        notes += check_scale(mesh, length, initial, metres_per_uv, place, key)
-        notes += check_axes(mesh, metres_per_uv, key) + check_seams(sides, topology)
+    if source.kind == "uv":
+        notes += _panel_notes(mesh, source, sides, drawn, geometry, place, key)
     return replace(
         geometry,
         notes=notes,
-        hinge_angle=hinge_angles(mesh, topology, rest_angles, place, key),
-        corners=_places(mesh, metres_per_uv if rest == "uv" else None),
+        hinge_angle=hinge_angles(mesh, geometry.sheet.topology, rest_angles, place, key),
+        corners=_places(mesh, source),
+        source=source,
     )
+
+
+def _panel_notes(
+    mesh: Mesh, source: RestSource, sides: Floats, drawn: Floats, geometry: RestGeometry, place: str, key: str
+) -> tuple[str, ...]:
+    """What is doubtful about panels; lengths of triangles' sides in them and in the mesh [m], shape [F, 3] each."""
+    topology, length, scale = geometry.sheet.topology, geometry.length, source.metres_per_uv
+    side_edge = topology.triangle_edges.ravel()
+    initial = np.bincount(side_edge, drawn.ravel(), len(length)) / np.bincount(side_edge, minlength=len(length))
+    notes = check_scale(mesh, length, initial, mean_scale(scale), place, key)
+    if isinstance(scale, float):  # two scales are as the mesh shows them
+        notes += check_axes(mesh, scale, key)
+    return notes + check_seams(sides, topology)
 
 
 def constants_of(triangles: Indices, sides: Floats, weight: Floats, fabric: Fabric, like: Floats | None) -> RestShape:

@@ -2,6 +2,7 @@
 
 from warp_cloth.loading.load import SUPPORTED, load_mesh
 from warp_cloth.loading.poses import load_poses
+from warp_cloth.loading.repair import without_area
 from warp_cloth.loading.sizes import check_sizes
 
-__all__ = ["SUPPORTED", "check_sizes", "load_mesh", "load_poses"]
+__all__ = ["SUPPORTED", "check_sizes", "load_mesh", "load_poses", "without_area"]

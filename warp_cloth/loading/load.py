@@ -18,7 +18,7 @@ from warp_cloth.loading.generic import read_gltf, read_stl
 from warp_cloth.loading.obj import read_obj
 from warp_cloth.loading.ply import read_ply
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, check
-from warp_cloth.loading.repair import Repaired, RestKind, repaired
+from warp_cloth.loading.repair import Repaired, RestKey, repaired
 from warp_cloth.loading.sizes import choose_unit, refuse_far
 from warp_cloth.loading.unique_rows import used_ids
 from warp_cloth.loading.usd import read_usd
@@ -48,7 +48,7 @@ def load_mesh(
     prim: str | None = None,
     units: LengthUnit | None = None,
     up: UpAxis | None = None,
-    rest: RestKind = "mesh",
+    rest: RestKey = "mesh",
 ) -> Mesh:
     """Mesh of a file in metres, y up, repaired where that is safe; its ``notes`` list guesses and repairs.
 
@@ -59,7 +59,7 @@ def load_mesh(
         prim: prim path in a USD file, name in a glTF file; None: the only mesh.
         units: length unit; None: as the file declares, or guessed.
         up: up axis of a format that does not state it; None: y.
-        rest: with "uv", triangles without area are kept if they have one in texture space.
+        rest: with "uv" or "auto", triangles without area are kept if they have one in texture space.
 
     Raises:
         InputError: the file cannot be read or repaired.

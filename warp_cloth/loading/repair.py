@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from warp_cloth.loading.weld import Weld, weld
 from warp_cloth.loading.winding import consistent_winding, outward
 
 RestKind = Literal["mesh", "uv", "physics"]
+RestKey = Literal["auto", RestKind]
 
 # Height of a triangle relative to its longest edge, below which it counts as a line: 10 nm at a 10 mm edge,
 # which no cloth has and which float32 positions one metre from the origin cannot hold.
@@ -61,7 +62,7 @@ class _Work:
         return _Work(self.triangles[keep], self.corners[keep], self.faces[keep], notes)
 
 
-def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Repaired:
+def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKey) -> Repaired:
     """Valid triangles of a checked mesh; ``points`` are its vertices in metres, shape [V, 3].
 
     A triangle without area is dropped, unless the cloth's rest shape lies in texture space and has an area
@@ -163,16 +164,21 @@ def _first_of_each(triangles: Ints) -> NDArray[np.bool_]:
     return first
 
 
-def _without_area(raw: RawMesh, work: _Work, points: Floats, rest: RestKind) -> NDArray[np.bool_]:
+def _without_area(raw: RawMesh, work: _Work, points: Floats, rest: RestKey) -> NDArray[np.bool_]:
     flat = _is_line(points[work.triangles])
-    if rest == "physics" and raw.rest is not None:
+    if rest in ("auto", "physics") and raw.rest is not None:
         return flat & _is_line(raw.rest[work.corners])
-    if rest == "uv" and raw.texcoords is not None and flat.any():
+    if rest in ("auto", "uv") and raw.texcoords is not None and flat.any():
         texcoords = raw.texcoords[work.corners]
         placed = np.asarray(np.isfinite(texcoords).all(axis=(1, 2)), dtype=bool)
         if placed[~flat].all():
             flat = flat & ~(placed & ~_is_line(np.where(placed[:, None, None], texcoords, 0.0)))
     return flat
+
+
+def without_area(points: Floats, triangles: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether triangles have no area in the mesh, shape [F]."""
+    return _is_line(points[triangles])
 
 
 def _is_line(corners: Floats) -> NDArray[np.bool_]:

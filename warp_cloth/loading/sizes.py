@@ -13,18 +13,18 @@ from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit
 from warp_cloth.loading.raw import Floats, Role, counted
 
-# Largest extent [m] of garments and bodies: from a hat and a baby to a bridal train and a giant.
-PLAUSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.2, 3.5), "avatar": (0.3, 3.5)}
+# Largest extent [m] of garments and bodies: from a hat and a baby to a gown and a giant; and with a bridal train, which
+# is guessed only where no unit gives a usual size (400 is a child's shirt in millimetres).
+USUAL: dict[Role, tuple[float, float]] = {"garment": (0.2, 3.5), "avatar": (0.3, 3.5)}
+PLAUSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.2, 6.0), "avatar": (0.3, 3.5)}
 # Largest extent [m] accepted where the unit is stated: dolls and curtains are possible, houses are not.
 POSSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.01, 20.0), "avatar": (0.05, 20.0)}
-# The first of these that fits is guessed; inches are only suggested.
+# The first of these that gives a usual size is guessed; inches are only suggested.
 GUESSED: tuple[LengthUnit, ...] = ("m", "cm", "mm")
 MAYBE_INCHES: dict[Role, tuple[float, float]] = {"garment": (20.0, 40.0), "avatar": (40.0, 80.0)}  # small in cm
 
-STRAY, FEW = (
-    20.0,
-    0.01,
-)  # vertices so many times farther from the middle than all but this fraction belong to no garment or body
+# Vertices so many times farther from the middle than all but this fraction belong to no garment or body.
+STRAY, FEW = 20.0, 0.01
 
 FARTHEST = 1000.0  # [m] from the origin; there float32, as files store points, has steps of 0.06 mm
 
@@ -65,7 +65,9 @@ def choose_unit(
         overruled = stated is not None and declared is not None and not np.isclose(metres, declared)
         note = f'units = "{name}" overrides the file, which declares {_unit_name(declared or 0.0)}'
         return UnitChoice(name, metres, (note,) if overruled else ())
-    fitting = [unit for unit in GUESSED if _fits(extent * METRES_PER[unit], PLAUSIBLE[role])]
+    fitting = [
+        unit for sizes in (USUAL, PLAUSIBLE) for unit in GUESSED if _fits(extent * METRES_PER[unit], sizes[role])
+    ]
     if not fitting:
         _refuse_strays(points, file)
         low, high = PLAUSIBLE[role]

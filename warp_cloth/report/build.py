@@ -68,6 +68,7 @@ def build_report(
         "contact": measured.contact,
         "garments": _garments(scene, outfit, measured),
         "avatar": {"unit": outfit.avatar.unit, "notes": list(outfit.avatar.notes)} if outfit.avatar else None,
+        "choices": [asdict(choice) for choice in measured.choices],
         "plan": [asdict(term) for term in make_plan(scene, outfit)],
         "settings": scene.settings(),
     }

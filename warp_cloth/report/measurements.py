@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
+from warp_cloth.base.choice import Choice
 from warp_cloth.model.result import LevelRun, Strain
 
 if TYPE_CHECKING:
@@ -26,3 +27,4 @@ class Measurements:
     crossings: GarmentCrossings
     contact: dict[str, Any] | None  # the collider and its error; None: no avatar
     levels: Sequence[LevelRun] = ()  # relaxations that came before
+    choices: Sequence[Choice] = ()  # what the program chose where the scene says "auto"

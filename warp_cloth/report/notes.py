@@ -34,7 +34,7 @@ def _unused_panels(garments: Sequence[Mapping[str, Any]]) -> list[str]:
     for garment in garments:
         if garment["rest"] != "mesh":
             continue
-        if garment["uv_units"] != "m":
+        if garment["uv_units"] not in ("auto", "m"):
             notes.append(
                 f'{garment["name"]}: uv_units is not used with rest = "mesh"; if the garment has panels, set '
                 'rest = "uv"'

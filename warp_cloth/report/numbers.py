@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 
 def short_number(value: float | None, digits: int = 3) -> str:
@@ -10,3 +11,14 @@ def short_number(value: float | None, digits: int = 3) -> str:
     if value is None or not math.isfinite(value):
         return "unknown"
     return f"{value:,.0f}" if abs(value) >= 10 ** (digits - 1) else f"{value:.{digits}g}"
+
+
+def shown_choice(value: str | float | bool | Sequence[float]) -> str:
+    """A value that the program chose for a key of the scene."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Sequence):
+        return " by ".join(f"{each:g}" for each in value)
+    return f"{value:g}"

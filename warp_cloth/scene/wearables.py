@@ -16,8 +16,10 @@ from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.paths import checked_name, directory_of, path_from
 from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Table, VertexId
 
-RestShape = Literal["mesh", "uv", "physics"]
+RestShape = Literal["auto", "mesh", "uv", "physics"]
 RestAngles = Literal["flat", "mesh", "physics"]
+UvUnit = Literal["auto", LengthUnit]
+UV_UNITS: tuple[UvUnit, ...] = ("auto", *LENGTH_UNITS)
 LoopSide = Literal["top", "bottom", "left", "right", "front", "back"]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]
 LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
@@ -101,14 +103,18 @@ class GarmentSpec(Wearable):
     name: str = Field(default="", description="Name in stage and report; by default that of the file or shape.")
     shape: GarmentShape | None = Field(default=None, description="A generated garment instead of a mesh; keys below.")
     rest: RestShape = Field(
-        default="mesh",
-        description="Natural lengths: of the mesh as modelled, of its panels in texture space, or of a USD rest shape.",
+        default="auto",
+        description="Natural lengths: of the mesh as modelled, of its panels in texture space (uv), or of a USD rest "
+        "shape; auto: as the mesh shows.",
     )
     rest_angles: RestAngles = Field(
         default="flat",
         description="Rest angles: flat, as modelled (pressed pleats), or as a USD stage states.",
     )
-    uv_units: LengthUnit | Real = Field(default="m", description="Unit of the texture coordinates, or metres per unit.")
+    uv_units: UvUnit | Real = Field(
+        default="auto",
+        description="Unit of the texture coordinates, or metres per unit; auto: as the mesh shows.",
+    )
     fabric: Fabric = Field(default="default", description="A shipped fabric, a .toml file, or a table of values.")  # type: ignore[assignment]
     grain_degrees: Degrees = Field(
         default=0.0, description="Angle of the warp from the panels' +v axis, counter-clockwise [degrees]."
@@ -125,14 +131,12 @@ class GarmentSpec(Wearable):
 
     @field_validator("uv_units", mode="plain")
     @classmethod
-    def _uv_units(cls, value: Any) -> LengthUnit | float:
-        if isinstance(value, str) and value in LENGTH_UNITS:
+    def _uv_units(cls, value: Any) -> UvUnit | float:
+        if isinstance(value, str) and value in UV_UNITS:
             return value
         if isinstance(value, int | float) and not isinstance(value, bool) and 1e-7 <= value <= 1e4:
             return float(value)
-        raise refusal(
-            f"{show(value)} is not a unit", f"use {listed(LENGTH_UNITS)}, or metres per unit from 1e-7 to 1e4"
-        )
+        raise refusal(f"{show(value)} is not a unit", f"use {listed(UV_UNITS)}, or metres per unit from 1e-7 to 1e4")
 
     @field_validator("grain_texture", mode="plain")
     @classmethod
@@ -170,8 +174,10 @@ class GarmentSpec(Wearable):
         return self
 
     @property
-    def uv_metres(self) -> float:
-        """Metres per unit of the texture coordinates."""
+    def uv_metres(self) -> float | None:
+        """Metres per unit of the texture coordinates; None: as the mesh shows."""
+        if self.uv_units == "auto":
+            return None
         return self.uv_units if isinstance(self.uv_units, float) else METRES_PER[self.uv_units]
 
 
