@@ -21,7 +21,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.loading import load_mesh
 from warp_cloth.model.result import Status
-from warp_cloth.report.advice import notes_of
+from warp_cloth.report.notes import notes_of
 
 RADIUS = 0.08  # [m]
 CUT = 0.06  # height of the open neck [m]
