@@ -12,6 +12,7 @@ from warp_cloth.base.mesh import Points
 from warp_cloth.contact.garments import worn_crossings
 from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.garment.outfit import Outfit, load_outfit
+from warp_cloth.model.attempt import first_attempt
 from warp_cloth.model.fit_problem import FitProblem
 from warp_cloth.model.result import Residual, Status
 from warp_cloth.report.measurements import Measurements
@@ -23,13 +24,16 @@ from warp_cloth.solver.loop import Outcome
 
 
 def loaded(values: dict[str, Any], start: Points | None = None) -> tuple[Scene, Outfit]:
-    """A scene and what is loaded for it; ``start`` replaces where its only garment begins [m], shape [V, 3]."""
+    """A scene as its first attempt has it, and what is loaded for it.
+
+    ``start`` replaces where its only garment begins [m], shape [V, 3].
+    """
     scene = load_scene(values)
     outfit = load_outfit(scene)
     if start is not None:
         (garment,) = outfit.garments
         outfit = replace(outfit, garments=(replace(garment, points=start),))
-    return scene, outfit
+    return first_attempt(scene, outfit).scene, outfit
 
 
 def judge(

@@ -298,7 +298,7 @@ def test_without_its_loaders_a_worker_loads_by_itself(loaders: Loaders) -> None:
 
 @pytest.mark.parametrize("fabric", ["jersey", "silk"])
 def test_kernels_that_are_warmed_up_are_those_of_the_batch(fabric: str) -> None:
-    scene = load_scene("tshirt", [f"garment.fabric={fabric}", "garment.shape.edge_mm=40"])
+    scene = load_scene("tshirt", [f"garment.fabric={fabric}", "garment.shape.edge_mm=40", "collision.cloth=false"])
     small = warm_kernels._small(scene)
     garments = [load_outfit(small).garments[0]] * warm_kernels.MANY
     model = build_model(garments, device="cpu", precision="mixed", gathers=True, garment_counts=[1] * warm_kernels.MANY)

@@ -29,7 +29,11 @@ TOP = {"box": [[-1, 1.499, -1], [1, 2, 1]]}
 
 
 def ready(fabric: object = None, **more: object) -> Problem:
-    tree = {"garment": {"shape": SQUARE, "fabric": fabric or PLAIN, "pin": TOP}, "collision": {"pixel_mm": 20}, **more}
+    tree = {
+        "garment": {"shape": SQUARE, "fabric": fabric or PLAIN, "pin": TOP},
+        "collision": {"pixel_mm": 20, "avatar": "depth"},
+        **more,
+    }
     if "avatar" not in tree:
         del tree["collision"]
     return load_problem(load_scene(tree), "cpu")
@@ -131,7 +135,7 @@ def test_a_garment_that_cannot_reach_the_avatar_does_not_ask_it_and_one_that_may
     for away in (0.8, 2.1):
         made = load_scene(scene(away))
         kinds[away] = contact_kind(made, load_problem(made, "cpu").outfit)
-    assert kinds == {0.8: "depth", 2.1: "none"}
+    assert kinds == {0.8: "auto", 2.1: "none"}
 
 
 @pytest.mark.parametrize("fabric", [PLAIN, WOVEN], ids=["edges", "woven"])

@@ -94,7 +94,7 @@ def test_every_key_of_the_issue_is_read(tmp_path: Path) -> None:
     assert (coat.name, coat.fabric, coat.pin) == ("coat", generic_fabric(), ())
     assert scene.garment_keys == ("garment[0]", "garment[1]")
     assert scene.avatar == AvatarSpec(mesh=tmp_path / "body.obj", prim="/World/Body", units="in", friction=0)
-    assert scene.collision == CollisionSpec(avatar="mesh", pixel_mm=1, offset_mm=2.5)
+    assert scene.collision == CollisionSpec(avatar="mesh", pixel_mm=1, offset_mm=2.5, cloth=False)
     assert scene.solver == SolverSpec(
         method="direct",
         iterations=7,
@@ -254,7 +254,7 @@ def test_a_path_may_begin_at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         ("foo", "--set foo: has no value; write KEY=VALUE"),
         ("=3", '--set =3: "" is not a key; write KEY=VALUE'),
         ("a b.c=3", '"a b.c" is not a key'),
-        ("solver.iterations.x=3", "--set solver.iterations.x=3: 20000 is a value, not a table"),
+        ("solver.residual.x=3", "--set solver.residual.x=3: 0.01 is a value, not a table"),
         ("solver[0]=3", "--set solver[0]=3: there is no list for [0]; remove the index"),
         ("solver.iteration=3", "unknown key solver.iteration; did you mean solver.iterations?"),
         (

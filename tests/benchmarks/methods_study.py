@@ -111,7 +111,11 @@ def prepared(case: Case, method: str, device: str, limit: int) -> Problem:
     """The case on the device, ready to relax."""
     with TemporaryDirectory() as folder:
         own = "accelerated" if method == "momentum" else method
-        tree = {**case_tree(case, Path(folder)), "solver": {"method": own, "iterations": limit}}
+        tree = {
+            **case_tree(case, Path(folder)),
+            "collision": {"cloth": False},
+            "solver": {"method": own, "iterations": limit},
+        }
         return load_problem(load_scene(tree), device, options=step_options(method))
 
 

@@ -19,15 +19,16 @@ from warp_cloth.batch.gpu_queue import GpuLease
 from warp_cloth.batch.loading import LoadCache
 from warp_cloth.batch.memory import MemoryNeed, available_bytes, grouped_by_avatar, memory_need, split_to_fit
 from warp_cloth.batch.warm_kernels import load_kernels
+from warp_cloth.fitting.attempts import Course, finished_runs, relax_alone, tried_further
 from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.fitting.predrape import build_predrape, start_predraped
-from warp_cloth.fitting.problem import build_problem, collider_updates, problem_kind, start_coarse, tolerance_of
+from warp_cloth.fitting.problem import build_problem, collider_updates, problem_kind, start_coarse
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.model.plan import contact_kind
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.solver.loop import relax_items
 
 CACHE_FRACTION = 0.05  # of the memory, for avatars' fields that later scenes may use, too
 
@@ -145,7 +146,6 @@ def _fit_together(
     problem = build_problem(scenes, outfits, device, cache=cache, clock=clock)
     predrape = build_predrape(problem, cache)
     clock.lap("build")
-    goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
     # without the lease: a few garments leave a GPU idle most of the time, for the process that has it
     levels = [start_coarse(problem)] * len(scenes) if predrape is None else start_predraped(problem, predrape)
     for item in range(len(scenes)):
@@ -156,11 +156,17 @@ def _fit_together(
         outcomes = relax_items(
             problem.relaxation,
             problem.certifier,
-            goals,
+            problem.goals(),
             follow=collider_updates(problem),
             schedule=problem.schedule,
+            crosses=problem.crossing_items,
             on_chunk=lease.release_early,
         )
     clock.lap("relax")
-    results = finish_fits(problem, outcomes, levels=levels, clock=clock)
+    firsts = finished_runs(problem, outcomes, levels)
+    courses = [tried_further(first, relax_alone, cache=cache, clock=clock) for first in firsts]
+    results = finish_fits(problem, [Course((first,)) for first in firsts], clock=clock)
+    for item, course in enumerate(courses):
+        if course.best is not firsts[item]:
+            (results[item],) = finish_fits(course.best.problem, [course], clock=clock)
     return [Fit.of(result) for result in results]

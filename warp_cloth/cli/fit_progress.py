@@ -56,7 +56,7 @@ class ProgressDisplay(ProgressLine):
         relaxing = step.stage == "relax" and step.iteration > 0
         text = figures(step) if relaxing else ""
         if self._console.is_terminal:
-            total = step.iteration_limit if relaxing else None
+            total = step.iteration_limit or None if relaxing else None
             self._bar.update(self._task, description=stage, total=total, completed=step.iteration, figures=text)
             return
         if self._line_due(at_once=stage != self._stage):
@@ -66,7 +66,7 @@ class ProgressDisplay(ProgressLine):
 
 def figures(step: Step) -> str:
     """Iteration, residual, rest error and speed in one short line, without those not known yet."""
-    parts = [f"{step.iteration}/{step.iteration_limit}"]
+    parts = [f"{step.iteration}/{step.iteration_limit}" if step.iteration_limit else f"{step.iteration} iterations"]
     if _known(step.residual):
         parts.append(f"residual {step.residual:.2g}")
     if _known(step.rest_error_mm):

@@ -42,8 +42,9 @@ def plan(
         from warp_cloth.study.savings import savings_of
 
         problem = load_problem(chosen, device_named(device))
-        terms, cost = make_plan(chosen, problem.outfit), footprint_of(problem)
-        saved = savings_of(chosen, problem.outfit, problem.model.device) if savings else ()
+        (decided,) = problem.scenes
+        terms, cost = make_plan(decided, problem.outfit), footprint_of(problem)
+        saved = savings_of(decided, problem.outfit, problem.model.device) if savings else ()
         lines = plan_lines(chosen.name, terms, cost, saved)
         if out is not None:
             write_plan(out, terms, cost, saved)

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from warp_cloth.avatar.exact import exact_colliders
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.threads import map_in_threads
-from warp_cloth.contact.garments import model_crossings, worn_crossings
+from warp_cloth.fitting.attempts import Course, Run
 from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.fitting.problem import Problem, tolerance_of
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.model.result import FitResult, LevelRun, Status, Strain, WornGarment
+from warp_cloth.model.result import FitResult, Status, Strain, WornGarment
 from warp_cloth.report.build import build_report
 from warp_cloth.report.measurements import Measurements
 from warp_cloth.report.problems import find_problems
@@ -29,9 +29,8 @@ from warp_cloth.solver.loop import Outcome
 
 def finish_fits(
     problem: Problem,
-    outcomes: Sequence[Outcome],
+    courses: Sequence[Course],
     *,
-    levels: Sequence[Sequence[LevelRun]],
     clock: StageClock,
     frames: int = 0,
 ) -> list[FitResult]:
@@ -39,15 +38,17 @@ def finish_fits(
 
     Args:
         problem: the scenes, as they were relaxed.
-        outcomes: of each scene.
-        levels: relaxations that came before, of each scene.
+        courses: of each scene; the best run of each is the problem's.
         clock: of the stages, for all scenes together.
         frames: number of intermediate shapes that each garment keeps.
     """
-    measured = _measure(problem, outcomes, levels)
+    runs = [course.best for course in courses]
+    outcomes = [run.outcome for run in runs]
+    measured = _measure(problem, runs)
     clock.lap("measure")
     results = []
-    for scene, outfit, outcome, found in zip(problem.scenes, problem.outfits, outcomes, measured, strict=True):
+    for course, run, found in zip(courses, runs, measured, strict=True):
+        scene, outfit, outcome = run.attempt.scene, problem.outfits[run.item], run.outcome
         garments = tuple(
             replace(worn, fields=found.crossings.marked(index, worn.mesh))
             for index, worn in enumerate(_worn_garments(scene, outfit, outcome, frames))
@@ -62,17 +63,19 @@ def finish_fits(
             message=message,
             worn=worn,
             problems=problems,
-            seconds=clock.seconds if len(outcomes) == 1 else {**clock.seconds, "relax": outcome.seconds},
+            attempts=course.summary(),
+            stated=run.attempt.stated,
+            seconds=clock.seconds if len(outcomes) == 1 else {**clock.seconds, "relax": course.seconds},
             device=problem.model.device,
         )
         ended = outcome.status, worn, problems, message
-        results.append(FitResult(scene, *ended, garments, outfit.avatar, report, problem.model.device))
+        results.append(FitResult(run.attempt.stated, *ended, garments, outfit.avatar, report, problem.model.device))
     return results
 
 
-def _measure(problem: Problem, outcomes: Sequence[Outcome], levels: Sequence[Sequence[LevelRun]]) -> list[Measurements]:
-    """Strains, penetration and crossings of every scene as it was relaxed."""
-    model = problem.model
+def _measure(problem: Problem, runs: Sequence[Run]) -> list[Measurements]:
+    """Strains and penetration of every scene as it was relaxed."""
+    model, outcomes = problem.model, [run.outcome for run in runs]
     for item, outcome in enumerate(outcomes):
         if outcome.status is Status.DIVERGED:
             model.set_points(outcome.points, item)
@@ -82,10 +85,6 @@ def _measure(problem: Problem, outcomes: Sequence[Outcome], levels: Sequence[Seq
     position = model.state.position if model.state.position.dtype is wp.vec3d else None
     edge_strains = [strains.edge[model.of_item(item, model.edge_start)] for item in range(len(outcomes))]
     overlaps = avatar_overlaps(problem.outfits, worn, edge_strains, exact, position)
-    if all(np.isfinite(points).all() for points in worn):
-        crossings = model_crossings(model, problem.outfits)
-    else:
-        crossings = worn_crossings(problem.outfits, worn, model.device)
 
     def strains_of(item: int) -> tuple[Strain, dict[str, Strain]]:
         yarns = strains.of_yarns(model.of_item(item, model.weave_start))
@@ -97,9 +96,9 @@ def _measure(problem: Problem, outcomes: Sequence[Outcome], levels: Sequence[Seq
             *summaries[item],
             edge_strains=edge_strains[item],
             overlap=overlaps[item],
-            crossings=crossings[item],
+            crossings=runs[item].crossings,
             contact=problem.contact_report(item),
-            levels=levels[item],
+            levels=runs[item].levels,
             choices=problem.choices(item),
         )
         for item in range(len(outcomes))

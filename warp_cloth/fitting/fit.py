@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,15 @@ from warp_cloth.base.device import device_named
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import one_thread_at_a_time
 from warp_cloth.export.formats import chosen_formats
+from warp_cloth.fitting.attempts import finished_runs, tried_further
 from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.predrape import prepare_start
-from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, tolerance_of
+from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
 from warp_cloth.fitting.warm_start import Worn, chosen_garments, saved_result, start_from
 from warp_cloth.maps import chosen_colour, chosen_maps, map_summary, measure_maps
 from warp_cloth.maps.measure import check_maps
+from warp_cloth.model.attempt import Patience
 from warp_cloth.model.result import FitResult
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Check
@@ -36,7 +39,7 @@ class Progress:
 
     stage: str  # "load", "compile", "build", "carry" (through avatar.poses), "dress" (predrape), "relax"
     iteration: int = 0
-    iteration_limit: int = 0
+    iteration_limit: int = 0  # 0: the fit goes on while it makes progress
     residual: float | None = None  # relative, rms
     rest_error_mm: float | None = None
     iterations_per_second: float | None = None
@@ -130,9 +133,13 @@ def fit(
         place = start if isinstance(start, str | Path) else "start"
         fault = "its garments have neither the mesh nor the panels of the scene's garments"
         raise InputError(place, fault, "start from a result of the same pattern, or from none")
-    outcome = _relax(problem, frames, progress)
+    relax = partial(_relax, frames=frames, progress=progress)
+    outcome = relax(problem)
     clock.lap("relax")
-    (result,) = finish_fits(problem, [outcome], levels=[levels], clock=clock, frames=frames)
+    (first,) = finished_runs(problem, [outcome], [levels])
+    course = tried_further(first, relax, cache=cache, clock=clock)
+    problem = course.best.problem
+    (result,) = finish_fits(problem, [course], clock=clock, frames=frames)
     return Fit.of(_with_maps(result, map_names, problem) if map_names else result)
 
 
@@ -175,8 +182,8 @@ def _earlier(start: Fit | str | Path, scene: Scene) -> list[Worn]:
 
 def _relax(problem: Problem, frames: int, progress: Callable[[Progress], None] | None) -> Outcome:
     """Relaxes a lone scene, and reports progress at every check."""
-    (scene,) = problem.scenes
-    limit = scene.solver.iterations
+    (goal,) = problem.goals()
+    limit = goal.limit if goal.patience is Patience.NONE else 0
 
     def report_check(check: Check, seconds: float) -> None:
         if progress is not None:
@@ -189,10 +196,12 @@ def _relax(problem: Problem, frames: int, progress: Callable[[Progress], None] |
     return relax_to_rest(
         problem.relaxation,
         problem.certifier,
-        tolerance_of(scene),
-        limit,
+        goal.tolerance,
+        goal.limit,
+        patience=goal.patience,
         frames=frames,
         follow=collider_updates(problem),
         schedule=problem.schedule,
+        crosses=problem.crossing_items if goal.ends_crossing else None,
         on_check=report_check if progress is not None else None,
     )

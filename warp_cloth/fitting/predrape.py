@@ -9,12 +9,12 @@ from typing import Any
 
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
-from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse, tolerance_of
+from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.scene import Scene
 from warp_cloth.scene.predrape import predrape_scene_of
-from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.solver.loop import relax_items
 
 CACHE_NAME = "predraped"
 
@@ -98,8 +98,7 @@ def start_predraped(problem: Problem, predrape: Predrape) -> list[tuple[LevelRun
 
 def _relax_missing(problem: Problem, predrape: Predrape) -> None:
     """Relaxes the missing predrapes, and puts them into the cache."""
-    goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in problem.scenes]
-    outcomes = relax_items(problem.relaxation, problem.certifier, goals, follow=collider_updates(problem))
+    outcomes = relax_items(problem.relaxation, problem.certifier, problem.goals(), follow=collider_updates(problem))
     for (sources, *values), outcome in zip(predrape.missing, outcomes, strict=True):
         points = None if outcome.status is Status.DIVERGED else outcome.points
         run = LevelRun(len(outcome.points), outcome.iterations, outcome.status)

@@ -19,38 +19,47 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import keeping_kernels
-from warp_cloth.contact.garments import build_cloth_contact, highest_lift, placed
+from warp_cloth.contact.garments import build_cloth_contact, highest_lift, model_crossings, placed
 from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.nested_iteration import start_from_coarse
 from warp_cloth.fitting.poses import PoseRun, follow_poses
 from warp_cloth.garment.garment import terms_of
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
+from warp_cloth.loading.raw import counted
+from warp_cloth.model.attempt import MOST_ITERATIONS, Attempt, first_attempt
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.plan import contact_kind
 from warp_cloth.model.result import LevelRun
+from warp_cloth.report.numbers import short_number
 from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.rest_error import GROWING
 from warp_cloth.solver.contact_schedule import ContactSchedule, build_contact_schedule
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, build_relaxation
-from warp_cloth.solver.loop import Boxes, Follow
+from warp_cloth.solver.loop import Boxes, Follow, Goal
 from warp_cloth.solver.parallel_domains import thread_count
 from warp_cloth.solver.relax import Relaxation
-from warp_cloth.solver.step_options import StepOptions
+from warp_cloth.solver.step_options import Method, StepOptions
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Scenes of one ``problem_kind`` on a device, ready to relax together; each scene is an item."""
 
-    scenes: tuple[Scene, ...]
-    outfits: tuple[Outfit, ...]
+    attempts: tuple[Attempt, ...]
+    loaded: tuple[Outfit, ...]
+    outfits: tuple[Outfit, ...]  # those, moved clear of their avatars
     contacts: tuple[AvatarContact, ...]
     model: ClothModel
     relaxation: Relaxation
     certifier: Certifier
     schedule: ContactSchedule | None  # of cloth contact; None: without
     pose_run: PoseRun | None = None  # how the garments followed the avatar's poses, where it has any
+
+    @property
+    def scenes(self) -> tuple[Scene, ...]:
+        """The scenes, with nothing left to decide."""
+        return tuple(attempt.scene for attempt in self.attempts)
 
     @property
     def outfit(self) -> Outfit:
@@ -79,7 +88,36 @@ class Problem:
 
     def choices(self, item: int) -> tuple[Choice, ...]:
         """What was chosen for an item where its scene says "auto", in the order of the scene's keys."""
-        return tuple(choice for garment in self.outfits[item].garments for choice in garment.rest.source.choices)
+        of_rest = [choice for garment in self.outfits[item].garments for choice in garment.rest.source.choices]
+        return (*of_rest, *self._avatar_choices(item), *self.attempts[item].choices)
+
+    def _avatar_choices(self, item: int) -> tuple[Choice, ...]:
+        """The collider that "auto" has come to."""
+        report = self.contacts[item].report
+        if self.scenes[item].collision.avatar != "auto" or not report or not report.get("error_mm"):
+            return ()
+        views, error = counted(len(report["buffers"]), "view"), short_number(report["error_mm"]["p999"], 2)
+        return (
+            Choice("collision.avatar", "depth", f"{views} show 99.9 % of the skin near the cloth within {error} mm"),
+        )
+
+    def goals(self) -> list[Goal]:
+        """What each item is to reach."""
+        return [
+            Goal(
+                tolerance_of(attempt.scene),
+                limit_of(attempt.scene),
+                attempt.patience,
+                ends_crossing=attempt.ends_crossing,
+            )
+            for attempt in self.attempts
+        ]
+
+    def crossing_items(self, items: Sequence[int]) -> list[int]:
+        """Which of these items' cloth passes through cloth now."""
+        self.relaxation.update_model()
+        found = model_crossings(self.model, self.outfits)
+        return [item for item in items if found[item].pairs]
 
 
 def problem_kind(scene: Scene, outfit: Outfit) -> tuple[Any, ...]:
@@ -88,9 +126,10 @@ def problem_kind(scene: Scene, outfit: Outfit) -> tuple[Any, ...]:
     A scene with cloth contact has a kind of its own, because what it launches depends on how its garments lie. So has
     one whose avatar moves, and one of the multilevel method.
     """
-    solver = scene.solver
-    contact = contact_kind(scene, outfit)
-    is_alone = scene.collision.cloth or outfit.poses or solver.method == "multilevel"
+    decided = first_attempt(scene, outfit).scene
+    solver = decided.solver
+    contact = contact_kind(decided, outfit)
+    is_alone = decided.collision.cloth or outfit.poses or solver.method == "multilevel"
     identity = id(scene) if is_alone else 0
     return solver.method, solver.start, solver.precision, contact, identity, terms_of(outfit.garments)
 
@@ -127,6 +166,7 @@ def build_problem(
     like: int | None = None,
     options: StepOptions | None = None,
     clock: StageClock | None = None,
+    attempts: Sequence[Attempt] | None = None,
 ) -> Problem:
     """Builds what the scenes' plans name on the device, and compiles the kernels.
 
@@ -139,14 +179,17 @@ def build_problem(
         like: vertex count of a larger problem of the same garments, whose patches serve again (see build_model).
         options: of an iteration's step; None: the method's defaults.
         clock: measures the stages.
+        attempts: at each scene; None: the first.
     """
     clock = clock or StageClock()
+    chosen = [first_attempt(*pair) for pair in zip(scenes, outfits, strict=True)] if attempts is None else attempts
+    scenes = [attempt.scene for attempt in chosen]
     if outfits[0].avatar is not None:
         clock.begin("compile")
         _compile(avatar_modules(contact_kind(scenes[0], outfits[0])), device)
         clock.lap("compile")
     clock.begin("build")
-    problem = _assemble(scenes, outfits, device, earlier, cache or Cache(), like, options)
+    problem = _assemble(chosen, outfits, device, earlier, cache or Cache(), like, options)
     wp.synchronize_device(device)
     clock.lap("build")
     clock.begin("compile")
@@ -163,8 +206,8 @@ def build_problem(
 
 
 def _assemble(
-    scenes: Sequence[Scene],
-    outfits: Sequence[Outfit],
+    attempts: Sequence[Attempt],
+    loaded: Sequence[Outfit],
     device: str,
     earlier: AvatarContact | None,
     cache: Cache,
@@ -172,8 +215,9 @@ def _assemble(
     options: StepOptions | None,
 ) -> Problem:
     """The problem's arrays on the device, their kernels not compiled yet; arguments as in ``build_problem``."""
+    scenes = [attempt.scene for attempt in attempts]
     first = scenes[0]
-    outfits = placed(scenes, outfits, device, cache)
+    outfits = placed(scenes, loaded, device, cache)
     contacts, colliders = _avatar_contacts(scenes, outfits, device, earlier, cache)
     garments = [garment for outfit in outfits for garment in outfit.garments]
     model = build_model(
@@ -188,7 +232,7 @@ def _assemble(
         like=like,
     )
     threads = thread_count(first.solver.threads, model.vertex_count)
-    options = options or StepOptions(method=first.solver.method, threads=threads)
+    options = options or StepOptions(method=decided_method(first), threads=threads)
     cloth_contact = build_cloth_contact(first, outfits[0], model, device) if first.collision.cloth else None
     caps = [scene.solver.cap for scene in scenes]
     relaxation = build_relaxation(options, model, colliders, garments, cloth_contact, caps)
@@ -196,7 +240,9 @@ def _assemble(
     schedule = None
     if cloth_contact is not None:
         schedule = build_contact_schedule(outfits[0].garments, relaxation, cloth_contact)
-    return Problem(tuple(scenes), tuple(outfits), tuple(contacts), model, relaxation, certifier, schedule)
+    return Problem(
+        tuple(attempts), tuple(loaded), tuple(outfits), tuple(contacts), model, relaxation, certifier, schedule
+    )
 
 
 def tolerance_of(scene: Scene) -> Tolerance:
@@ -204,6 +250,19 @@ def tolerance_of(scene: Scene) -> Tolerance:
     solver = scene.solver
     growing = math.inf if solver.method == "direct" else GROWING  # the paper's rule never stops oscillating
     return Tolerance(solver.residual, solver.residual_p99, solver.tolerance, growing)
+
+
+def decided_method(scene: Scene) -> Method:
+    """The method of a scene with nothing left to decide."""
+    method = scene.solver.method
+    if method == "auto":
+        raise ValueError("the scene's method is not decided yet")
+    return method
+
+
+def limit_of(scene: Scene) -> int:
+    """Most iterations of a scene."""
+    return MOST_ITERATIONS if scene.solver.iterations is None else scene.solver.iterations
 
 
 def start_coarse(problem: Problem) -> tuple[LevelRun, ...]:
@@ -216,7 +275,7 @@ def start_coarse(problem: Problem) -> tuple[LevelRun, ...]:
         relaxation,
         problem.contact if problem.outfit.avatar is not None else None,
         tolerance=tolerance_of(scene),
-        limit=scene.solver.iterations,
+        limit=limit_of(scene),
         load=lambda kernels: _compile([kernel.module for kernel in kernels], problem.model.device),
     )
 
@@ -230,7 +289,7 @@ def _through_poses(problem: Problem) -> PoseRun:
         problem.contact,
         problem.outfit.poses,
         tolerance=tolerance_of(scene),
-        limit=scene.solver.iterations,
+        limit=limit_of(scene),
         follow=collider_updates(problem),
         schedule=problem.schedule,
     )
@@ -238,7 +297,12 @@ def _through_poses(problem: Problem) -> PoseRun:
 
 def contact_key(scene: Scene, outfit: Outfit) -> Hashable:
     """A key that is equal for scenes with the same first collider."""
-    return id(outfit.avatar), scene.collision, *(id(garment.points) for garment in outfit.garments)
+    return id(outfit.avatar), _avatar_collision(scene), *(id(garment.points) for garment in outfit.garments)
+
+
+def _avatar_collision(scene: Scene) -> Hashable:
+    """What the scene says of the collider, whether cloth meets cloth or not."""
+    return scene.collision.model_copy(update={"cloth": False}), highest_lift(scene)
 
 
 def _avatar_contacts(
@@ -254,14 +318,15 @@ def _avatar_contacts(
 
     sources = [(outfit.avatar, earlier, *(garment.points for garment in outfit.garments)) for outfit in outfits]
     keys = {
-        cache.key("contact", source, scene.collision, device) for source, scene in zip(sources, scenes, strict=True)
+        cache.key("contact", source, _avatar_collision(scene), device)
+        for source, scene in zip(sources, scenes, strict=True)
     }
     cache.evict_except(keys)
     contacts, colliders = [], []
     for source, scene, outfit in zip(sources, scenes, outfits, strict=True):
         make = partial(build, scene, outfit)
         contact, collider = cache.get_or_make(
-            "contact", source, make, scene.collision, device, size=lambda made: made[0].bytes
+            "contact", source, make, _avatar_collision(scene), device, size=lambda made: made[0].bytes
         )
         contacts.append(contact.alike())
         colliders.append(collider)

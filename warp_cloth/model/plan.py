@@ -22,7 +22,7 @@ class Term:
 
 
 def make_plan(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
-    """The terms of a scene, in the order of an iteration."""
+    """The terms of a scene with nothing left to decide, in the order of an iteration."""
     pulls = any(bool((garment.rest.edge_pull > 0.0).any()) for garment in outfit.garments)
     _, bends, woven, folded, _ = terms_of(outfit.garments)
     pins = sum(len(garment.pins) for garment in outfit.garments)
@@ -45,7 +45,7 @@ def make_plan(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
         Term("pins", pins > 0, f"{pins} vertices are pinned" if pins else "no vertex is pinned"),
         Term("momentum", accelerated, f'solver.method = "{scene.solver.method}"'),
         *_avatar_terms(scene, outfit),
-        Term("cloth contact", scene.collision.cloth, f"collision.cloth = {str(scene.collision.cloth).lower()}"),
+        Term("cloth contact", scene.collision.cloth is True, f"collision.cloth = {str(scene.collision.cloth).lower()}"),
     )
 
 
@@ -75,7 +75,7 @@ def _may_touch(scene: Scene, outfit: Outfit) -> bool:
     """Whether a garment may come within the offset of the avatar; False only where that is proved impossible."""
     if outfit.avatar is None:
         return False
-    if scene.collision.cloth:  # layers push one another apart, by a distance that no energy bounds
+    if scene.collision.cloth is True:  # layers push one another apart, by a distance that no energy bounds
         return True
     gap = scene.collision.offset
     boxes = [outfit.avatar.bounds(), *((pose.min(axis=0), pose.max(axis=0)) for pose in outfit.poses)]

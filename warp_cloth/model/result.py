@@ -79,6 +79,18 @@ class LevelRun:
     status: Status
 
 
+@dataclass(frozen=True)
+class AttemptRun:
+    """One of a fit's attempts."""
+
+    method: str
+    cloth_contact: bool
+    iterations: int
+    status: Status
+    crossings: int  # pairs of triangles that pass through each other
+    chosen: bool = False  # whether its shape is the result
+
+
 @dataclass(frozen=True, eq=False)
 class WornGarment:
     """One garment as worn."""

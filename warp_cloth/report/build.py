@@ -11,6 +11,7 @@ from warp_cloth.model.plan import make_plan
 if TYPE_CHECKING:
     from warp_cloth.garment.outfit import Outfit
     from warp_cloth.model.fit_problem import FitProblem
+    from warp_cloth.model.result import AttemptRun
     from warp_cloth.report.measurements import Measurements
     from warp_cloth.scene import Scene
     from warp_cloth.solver.loop import Outcome
@@ -25,19 +26,23 @@ def build_report(
     message: str,
     worn: bool,
     problems: Sequence[FitProblem],
+    attempts: Sequence[AttemptRun],
+    stated: Scene,
     seconds: dict[str, float],
     device: str,
 ) -> dict[str, Any]:
     """The report of one scene; units are in the keys' names.
 
     Args:
-        scene: what was fitted.
+        scene: what was fitted, with nothing left to decide.
         outfit: its garments and avatar.
         outcome: of the relaxation.
         measured: of the worn shape.
         message: the verdict.
         worn: whether all garments are.
         problems: what is wrong with them.
+        attempts: in order.
+        stated: the scene as its author wrote it.
         seconds: of each stage.
         device: Warp's name of it.
     """
@@ -55,6 +60,7 @@ def build_report(
         "hinges": sum(len(topology.hinges) for topology in topologies),
         "iterations": outcome.iterations,
         "levels": [{**asdict(level), "status": level.status.value} for level in measured.levels],
+        "attempts": [{**asdict(attempt), "status": attempt.status.value} for attempt in attempts],
         "seconds": seconds,
         "iterations_per_second": outcome.iterations / relaxing if relaxing > 0.0 else None,
         "device": device,
@@ -70,7 +76,7 @@ def build_report(
         "avatar": {"unit": outfit.avatar.unit, "notes": list(outfit.avatar.notes)} if outfit.avatar else None,
         "choices": [asdict(choice) for choice in measured.choices],
         "plan": [asdict(term) for term in make_plan(scene, outfit)],
-        "settings": scene.settings(),
+        "settings": stated.settings(),
     }
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_cloth.model.attempt import MOST_ITERATIONS, CutShort
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
 from warp_cloth.model.result import Status
 from warp_cloth.report.judged import JudgedScene, listed
@@ -43,7 +44,7 @@ def _not_at_rest(of: JudgedScene) -> FitProblem:
         "growing_mm": 1e3 * check.growing,
     }
     missed, name, vertices = ", ".join(limits_missed(check, of.tolerance)), "", np.zeros(0, dtype=np.int64)
-    sentence = f"Not at rest after {of.outcome.iterations:,} iterations: {missed}"
+    sentence = f"Not at rest after {of.outcome.iterations:,} iterations{_stalled(of)}: {missed}"
     moved = of.outcome.moved
     if moved is not None and np.isfinite(moved).all() and moved.max(initial=0.0) > 0.0:
         most = max(of.garments, key=lambda judged: float(moved[judged.vertices].max(initial=0.0)))
@@ -77,6 +78,10 @@ def limits_missed(check: Check, tolerance: Tolerance) -> list[str]:
     return misses or ["cloth is still being untangled"]
 
 
+def _stalled(of: JudgedScene) -> str:
+    return ", and no nearer to it any more" if of.outcome.cut_short is CutShort.STALLED else ""
+
+
 def _part(upper: float) -> str:
     """Which part of a garment moves, by the fraction of what moves that is in its upper half."""
     if upper > 0.75:
@@ -87,6 +92,11 @@ def _part(upper: float) -> str:
 def _remedy(of: JudgedScene) -> str:
     if of.scene.solver.method == "direct":
         return "Leave solver.method out: the direct rule is for study, and keeps oscillating where cloth is stiff."
+    if _stalled(of) or of.scene.solver.iterations == MOST_ITERATIONS:
+        return (
+            "Look at what moves: cloth that starts wound round a limb or jammed between garments cannot come to rest; "
+            "else try a coarser mesh or a softer fabric."
+        )
     return (
         f"Raise solver.iterations (now {of.scene.solver.iterations:,}); if it does not come to rest then, try a "
         "coarser mesh or a softer fabric to check that the scene is as intended."

@@ -28,7 +28,9 @@ def predrape_scene_of(scene: Scene) -> Scene | None:
             "name": "predrape",
             "garments": tuple(spec.model_copy(update={"fabric": fabric}) for spec in scene.garments),
             "avatar": None if avatar is None else avatar.model_copy(update={"friction": FRICTION}),
+            "collision": scene.collision.model_copy(update={"cloth": False}),
             "solver": SolverSpec(
+                method="accelerated",
                 iterations=ITERATIONS,
                 precision=scene.solver.precision,
                 cap=scene.solver.cap,

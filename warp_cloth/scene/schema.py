@@ -24,7 +24,8 @@ from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.scene.wearables import AvatarSpec, GarmentSpec
 
 AvatarCollision = Literal["depth", "auto", "mesh", "plain", "none"]
-Method = Literal["multilevel", "accelerated", "direct"]
+ClothCollision = Literal["auto"] | StrictBool
+Method = Literal["auto", "multilevel", "accelerated", "direct"]
 Precision = Literal["float32", "float64", "mixed"]
 Start = Literal["placed", "dressed"]
 NAMED_MESHES = (*USD_SUFFIXES, ".glb", ".gltf")  # files whose meshes have names, so that one may hold a whole scene
@@ -34,9 +35,9 @@ class CollisionSpec(Table):
     """Contact: what cloth must not pass through, and how that is detected."""
 
     avatar: AvatarCollision = Field(
-        default="depth",
-        description="Three depth buffers fused into a distance field; auto: more buffers where three miss too much; "
-        "mesh: exact, slower; plain: the paper's lookup; none.",
+        default="auto",
+        description="auto: depth, and more buffers where three miss too much; depth: three depth buffers fused into a "
+        "distance field; mesh: exact, slower; plain: the paper's lookup; none.",
     )
     pixel_mm: Real = Field(
         default=2.0, ge=0.2, le=50, description="Pixel of the depth buffers [mm]; 2: below the offset, 1 MB a view."
@@ -53,10 +54,18 @@ class CollisionSpec(Table):
         le=50,
         description="Error [mm] of auto, on 99.9 % of the skin near the garment; 1.5: half the offset.",
     )
-    cloth: StrictBool = Field(
-        default=False,
-        description="Contact of cloth with cloth; false: a third of the iterations, but cloth may pass through cloth.",
+    cloth: ClothCollision = Field(
+        default="auto",
+        description="Contact of cloth with cloth; auto: where it would cross; false: fewer iterations, but cloth may "
+        "pass through cloth.",
     )
+
+    @field_validator("cloth", mode="before")
+    @classmethod
+    def _cloth(cls, value: Any) -> Any:
+        if value == "auto" or isinstance(value, bool):
+            return value
+        raise refusal(f'must be true, false or "auto", not {show(value)}', "leave it out, and the program decides")
 
     @property
     def pixel(self) -> float:
@@ -78,17 +87,20 @@ class SolverSpec(Table):
     """How the rest shape is computed, and when it counts as found."""
 
     method: Method = Field(
-        default="accelerated",
-        description="accelerated: vertex by vertex; multilevel: coarse to fine, for stiff cloth and fine meshes; "
-        "direct: the paper's rule.",
+        default="auto",
+        description="auto: as the fit shows; accelerated: vertex by vertex; multilevel: coarse to fine, for loose or "
+        "stiff cloth and fine meshes; direct: the paper's rule.",
     )
     start: Start = Field(
         default="placed",
         description="placed: from the mesh; dressed: from its rest shape in jersey, which a batch shares (accelerated "
         "method, without collision.cloth and avatar.poses).",
     )
-    iterations: Integer = Field(
-        default=20_000, ge=0, le=10**7, description="Limit; a T-shirt on a body rests after about 8,000."
+    iterations: Integer | None = Field(
+        default=None,
+        ge=0,
+        le=10**7,
+        description="Limit; by default a fit ends where it makes no more progress, at the latest after 100,000.",
     )
     tolerance_mm: Real = Field(
         default=1.0,
@@ -183,8 +195,8 @@ class Scene(Table):
         """Refuses a dressed start together with what it does not support."""
         if self.solver.start == "dressed":
             supported = {
-                'solver.method = "accelerated"': self.solver.method == "accelerated",
-                "collision.cloth = false": not self.collision.cloth,
+                'solver.method = "accelerated"': self.solver.method in ("auto", "accelerated"),
+                "collision.cloth = false": self.collision.cloth is not True,
                 "no avatar.poses": self.avatar is None or not self.avatar.poses,
             }
             for needed in (text for text, given in supported.items() if not given):

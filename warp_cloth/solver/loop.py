@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Points
 from warp_cloth.garment.rest import Floats
+from warp_cloth.model.attempt import CutShort, Patience
 from warp_cloth.model.result import Status
 from warp_cloth.solver.certificate.certifier import (
     Certifier,
@@ -25,21 +26,30 @@ from warp_cloth.solver.certificate.certifier import (
 from warp_cloth.solver.certificate.summary import PendingFigures
 from warp_cloth.solver.contact_schedule import ContactSchedule
 from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.stall import StallWatch
 
 Boxes = Floats  # lowest and highest corner of some items [m], shape [N, 2, 3]
 # Given items and their boxes, new colliders for those that the old ones no longer cover.
 Follow = Callable[[Sequence[int], Boxes], dict[int, Collider]]
+Crosses = Callable[[Sequence[int]], Sequence[int]]  # which of some items' cloth passes through cloth now
 CHUNK = 20  # iterations in a captured graph: enough to hide a launch, few enough to follow a fall
 CHUNKS_PER_CHECK = 5  # the certificate costs about two iterations
 FALL = 0.01  # [m]; the boxes of cloth that moved further since the last check are measured after every chunk
 
 
+# Iterations after which items that pass through themselves end, where their goal says so, to be relaxed anew with
+# contact. Not before most cloth that touches nothing is at rest, since a search takes as long as some 20 iterations.
+CROSSING_CHECKS = (2000, 8000)
+
+
 @dataclass(frozen=True)
 class Goal:
-    """Tolerance that an item is to reach, and its iteration limit."""
+    """Tolerance that an item is to reach, its iteration limit, and when it ends before that."""
 
     tolerance: Tolerance
     limit: int  # iterations
+    patience: Patience = Patience.NONE  # with an item that comes no nearer to rest
+    ends_crossing: bool = False  # where its cloth passes through cloth, after CROSSING_CHECKS
 
 
 @dataclass
@@ -53,6 +63,7 @@ class Outcome:
     seconds: float  # in the loop, checks and new colliders included
     frames: list[tuple[int, NDArray[np.float32]]] = field(default_factory=list)  # iteration and shape
     moved: Floats | None = None  # of an item that is not at rest: its last motion from check to check [m], shape [V]
+    cut_short: CutShort | None = None  # None: it is at rest, diverged, or used up its iterations
 
 
 def chunks(relaxation: Relaxation) -> tuple[int, ...]:
@@ -82,9 +93,11 @@ def relax_to_rest(
     tolerance: Tolerance,
     limit: int,
     *,
+    patience: Patience = Patience.NONE,
     frames: int = 0,
     follow: Follow | None = None,
     schedule: ContactSchedule | None = None,
+    crosses: Crosses | None = None,
     on_check: Callable[[Check, float], None] | None = None,
     ahead: bool | None = None,
 ) -> Outcome:
@@ -95,9 +108,11 @@ def relax_to_rest(
         certifier: what measures it.
         tolerance: when to stop.
         limit: most iterations.
+        patience: as in Goal.
         frames: number of intermediate shapes to record, at least.
         follow: gives new colliders to items that leave the region of the old ones.
         schedule: of contact of cloth with cloth.
+        crosses: tells whether the cloth passes through itself, where the fit is to end then (see Goal).
         on_check: called with every check and the seconds so far.
         ahead: as in relax_items.
     """
@@ -110,9 +125,10 @@ def relax_to_rest(
     (outcome,) = relax_items(
         relaxation,
         certifier,
-        [Goal(tolerance, limit)],
+        [Goal(tolerance, limit, patience, ends_crossing=crosses is not None)],
         follow=follow,
         schedule=schedule,
+        crosses=crosses,
         on_check=report if on_check is not None else None,
         on_chunk=recorder.offer if frames else None,
         ahead=ahead,
@@ -128,6 +144,7 @@ def relax_items(
     *,
     follow: Follow | None = None,
     schedule: ContactSchedule | None = None,
+    crosses: Crosses | None = None,
     on_check: Callable[[Measurement, float], None] | None = None,
     on_chunk: Callable[[int, Relaxation], None] | None = None,
     ahead: bool | None = None,
@@ -147,12 +164,13 @@ def relax_items(
         goals: of the items, in their order.
         follow: gives new colliders to items that leave the region of the old ones.
         schedule: of contact of cloth with cloth; such a scene is a single item.
+        crosses: tells which items' cloth passes through cloth, for goals that end there.
         on_check: called with every measurement of all items, and the seconds so far.
         on_chunk: called after every chunk with its last iteration; positions are those of the last update_model.
         ahead: whether iterations run while a check is read; None: if that saves time. Must be off if more iterations
             follow the end: displacements and stiffness bounds are not restored.
     """
-    return _Loop(relaxation, certifier, goals, follow, schedule, on_check, ahead).run(on_chunk)
+    return _Loop(relaxation, certifier, goals, follow, schedule, crosses, on_check, ahead).run(on_chunk)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,6 +208,7 @@ class _Loop:
         goals: Sequence[Goal],
         follow: Follow | None,
         schedule: ContactSchedule | None,
+        crosses: Crosses | None,
         on_check: Callable[[Measurement, float], None] | None,
         ahead: bool | None,
     ) -> None:
@@ -203,6 +222,8 @@ class _Loop:
         self._followed_at = np.zeros(len(goals), dtype=np.int64)  # and after which iteration that was
         self._outcomes: dict[int, Outcome] = {}
         self._tolerances = [goal.tolerance for goal in goals]
+        self._stall_watch = StallWatch(self._tolerances, [goal.patience for goal in goals])
+        self._crosses = crosses if any(goal.ends_crossing for goal in goals) else None
         self._began = time.perf_counter()
 
     def run(self, on_chunk: Callable[[int, Relaxation], None] | None) -> list[Outcome]:
@@ -238,9 +259,12 @@ class _Loop:
 
     def _runs_ahead(self, pending: _Pending) -> bool:
         """Whether the next chunk may begin before the pending measurement is read."""
-        if not self._ahead or pending.ending:
+        if not self._ahead or pending.ending or self._looks_for_crossings(pending.iteration):
             return False
         return self._schedule is None or pending.measurement is None or not self._schedule.must_wait
+
+    def _looks_for_crossings(self, iteration: int) -> bool:
+        return self._crosses is not None and iteration in CROSSING_CHECKS
 
     def _chunk(self, pending: _Pending, reported: bool) -> int:
         """Iterations until something may have to be done; ``reported``: every chunk is."""
@@ -286,15 +310,17 @@ class _Loop:
         near = measured.nearly_within(self._tolerances) | ~measured.finite
         ended = []
         items = self._active if pending.whole else sorted(pending.ending)
-        items = [item for item in items if item in pending.ending or (near[item] and measured.iteration > 0)]
+        cut_short = self._cut_short(measured) if pending.whole else {}
+        candidates = cut_short.keys() | pending.ending
+        items = [item for item in items if item in candidates or (near[item] and measured.iteration > 0)]
         for item, check in self._certifier.checks(measured, items).items():
-            status = self._status(item, check, settled, item in pending.ending)
+            status = self._status(item, check, settled, item in candidates)
             if status is not None:
                 if late:
                     self._certifier.restore(item)
                     if self._schedule is not None:
                         self._schedule.restore()
-                self._end(item, status, check)
+                self._end(item, status, check, cut_short.get(item))
                 ended.append(item)
         self._active = [item for item in self._active if item not in self._outcomes]
         if pending.whole:
@@ -302,6 +328,18 @@ class _Loop:
         self._relaxation.deactivate(ended)
         if self._on_check is not None and measured.iteration > 0:
             self._on_check(measured, time.perf_counter() - self._began)
+
+    def _cut_short(self, measured: Measurement) -> dict[int, CutShort]:
+        """Active items that end here though they are not at rest, as their goals say."""
+        stalled = self._stall_watch.stalled(measured)
+        found = {item: CutShort.STALLED for item in self._active if stalled[item]}
+        if self._schedule is not None and self._schedule.tangled:
+            impatient = [item for item in self._active if self._goals[item].patience is not Patience.NONE]
+            found |= dict.fromkeys(impatient, CutShort.CROSSING)
+        if self._crosses is not None and self._looks_for_crossings(measured.iteration):
+            watched = [item for item in self._active if self._goals[item].ends_crossing and measured.finite[item]]
+            found |= dict.fromkeys(self._crosses(watched), CutShort.CROSSING)
+        return found
 
     def _advance(self, measured: Measurement) -> bool:
         """Advances the contact schedule; returns whether the present shape may be the rest shape."""
@@ -318,12 +356,16 @@ class _Loop:
                 return Status.AT_REST
         return Status.ITERATION_LIMIT if ending else None
 
-    def _end(self, item: int, status: Status, check: Check) -> None:
+    def _end(self, item: int, status: Status, check: Check, cut_short: CutShort | None) -> None:
         """Records how an item has ended; the points are read in the end, all at once."""
         points = self._certifier.last_points(item) if status is Status.DIVERGED else np.zeros((0, 3))
         seconds = time.perf_counter() - self._began
         moved = self._certifier.last_motion(item) if status is Status.ITERATION_LIMIT else None
-        self._outcomes[item] = Outcome(status, check, points, check.iteration, seconds, moved=moved)
+        if status is not Status.ITERATION_LIMIT:
+            cut_short = None
+        self._outcomes[item] = Outcome(
+            status, check, points, check.iteration, seconds, moved=moved, cut_short=cut_short
+        )
 
     def _react(self) -> None:
         """Applies what the last positions call for: contact, the anisotropic step, and colliders."""

@@ -1,4 +1,7 @@
-"""The knobs of a scene that trade accuracy against time, settings worth trying, and a tighter reference."""
+"""The knobs of a scene that trade accuracy against time, settings worth trying, and a tighter reference.
+
+Scenes have nothing left to decide here (model/attempt.py).
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.fitting.problem import decided_method, limit_of
 from warp_cloth.scene import Scene, SquareShape, TshirtShape
 from warp_cloth.solver.step_options import DEFAULT_CAP, Method
 
@@ -17,6 +21,7 @@ REFERENCE_MM = 0.2
 REFERENCE_RESIDUAL = 2e-3
 REFERENCE_ITERATIONS = 2
 REFERENCE_PIXEL_MM = 1.0
+DRAWN = ("depth", "auto")  # colliders whose accuracy depends on the pixel
 COARSENING = (1.4, 2.0)  # factors on the edge length
 PIXELS_MM = (1.0, 2.0, 4.0, 8.0)
 TOLERANCES = ((0.3, 0.003), (1.0, 0.01), (3.0, 0.03), (10.0, 0.1))  # [mm] of rest error, relative residual rms
@@ -56,16 +61,17 @@ def reference_of(scene: Scene) -> Trial:
         "solver.method": _tight_method(scene),
         "solver.precision": "float64",
         **_tolerance(REFERENCE_MM, REFERENCE_RESIDUAL),
-        "solver.iterations": str(min(max(REFERENCE_ITERATIONS * scene.solver.iterations, 20_000), 10**7)),
+        "solver.iterations": str(min(max(REFERENCE_ITERATIONS * limit_of(scene), 20_000), 10**7)),
     }
-    if scene.collision.avatar == "depth" and scene.collision.pixel_mm > REFERENCE_PIXEL_MM:
+    if scene.collision.avatar in DRAWN and scene.collision.pixel_mm > REFERENCE_PIXEL_MM:
         settings["collision.pixel_mm"] = f"{REFERENCE_PIXEL_MM:g}"
     return Trial("reference", MappingProxyType(settings))
 
 
 def _tight_method(scene: Scene) -> Method:
     """The scene's own method; the accelerated one in place of the direct rule, which hardly comes to rest."""
-    return "accelerated" if scene.solver.method == "direct" else scene.solver.method
+    method = decided_method(scene)
+    return "accelerated" if method == "direct" else method
 
 
 def second_reference_of(scene: Scene) -> Trial:
@@ -76,7 +82,7 @@ def second_reference_of(scene: Scene) -> Trial:
 
 def single_trials(scene: Scene) -> list[Trial]:
     """The scene as it is, then every knob changed alone."""
-    solver, collision = scene.solver, scene.collision
+    solver, collision, limit = scene.solver, scene.collision, limit_of(scene)
     trials = [Trial("scene", MappingProxyType({}))]
 
     def add(knob: str, **settings: str) -> None:
@@ -92,10 +98,10 @@ def single_trials(scene: Scene) -> list[Trial]:
         held = all(garment.pin for garment in scene.garments)  # without pins and avatar a garment falls for ever
         for kind in ("depth", "auto", "mesh", *(("none",) if held else ())):
             if kind == "mesh" != collision.avatar:
-                add("collider", collision__avatar=kind, solver__iterations=str(min(solver.iterations, EXACT_BUDGET)))
+                add("collider", collision__avatar=kind, solver__iterations=str(min(limit, EXACT_BUDGET)))
             elif kind != collision.avatar:
                 add("collider", collision__avatar=kind)
-        if collision.avatar == "depth":
+        if collision.avatar in DRAWN:
             for pixel in PIXELS_MM:
                 if pixel != collision.pixel_mm:
                     add("pixel", collision__pixel_mm=f"{pixel:g}")
@@ -104,9 +110,9 @@ def single_trials(scene: Scene) -> list[Trial]:
         coarse = _coarser(scene, factor)
         if coarse:
             trials.append(Trial("mesh", MappingProxyType(coarse)))
-    for method, most in (("accelerated", solver.iterations), ("multilevel", LEVELS_BUDGET), ("direct", DIRECT_BUDGET)):
+    for method, most in (("accelerated", limit), ("multilevel", LEVELS_BUDGET), ("direct", DIRECT_BUDGET)):
         if method != solver.method:
-            add("method", solver__method=method, solver__iterations=str(min(solver.iterations, most)))
+            add("method", solver__method=method, solver__iterations=str(min(limit, most)))
     return [trial for trial in trials if _allowed(scene, trial)]
 
 
@@ -117,7 +123,7 @@ def budget_trials(scene: Scene, settings: Settings) -> dict[int, Trial]:
     return {
         count: Trial("iterations", MappingProxyType({**settings, "solver.iterations": str(count)}))
         for count in BUDGETS
-        if count < scene.solver.iterations
+        if count < limit_of(scene)
     }
 
 

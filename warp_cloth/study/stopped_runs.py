@@ -16,7 +16,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.predrape import prepare_start
-from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, tolerance_of
+from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
 from warp_cloth.model.result import Penetration, Status
 from warp_cloth.report.rest import limits_missed
 from warp_cloth.scene import Scene, load_scene
@@ -66,7 +66,7 @@ def run_with_stops(scene: Scene, device: str, stops: Collection[int]) -> list[Ru
     loading = sum(spent for stage, spent in clock.seconds.items() if stage != "compile")  # compiled once for all scenes
     recorder = _Recorder(stops)
     prepare_start(problem, cache)
-    goal = Goal(tolerance_of(scene), scene.solver.iterations)
+    (goal,) = problem.goals()
     (outcome,) = relax_items(
         problem.relaxation,
         problem.certifier,

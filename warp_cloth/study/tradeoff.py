@@ -21,6 +21,7 @@ from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.threads import core_count
 from warp_cloth.export.files import unwritable, whole_file
 from warp_cloth.garment.outfit import load_outfit, mesh_recipes
+from warp_cloth.model.attempt import first_attempt
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.study.knobs import (
@@ -47,6 +48,7 @@ NO_RESULT: dict[str, Any] = {  # of a trial that was refused, or whose process d
     "status": "refused", "seconds": math.nan, "loading": math.nan, "iterations": 0, "rms_mm": math.nan,
     "max_mm": math.nan, "penetration_mm": None, "strain_off": math.nan,
 }  # fmt: skip
+LIMIT = 20_000  # iterations of a trial, where the scene states none
 LATER = ("solver.iterations", "solver.tolerance_mm", "solver.residual", "solver.residual_p99")  # not used while loading
 
 
@@ -92,13 +94,20 @@ class Trade:
     cheapest: Measured | None  # within the wanted error
 
 
+def _decided(scene: Scene) -> Scene:
+    """The scene as its first attempt has it, with a limit of iterations that a study can afford."""
+    decided = first_attempt(scene, load_outfit(scene)).scene
+    limit = LIMIT if scene.solver.iterations is None else scene.solver.iterations
+    return decided.model_copy(update={"solver": decided.solver.model_copy(update={"iterations": limit})})
+
+
 class TradeStudy:
     """Runs the trials of a scene; results are stored in a folder at once, and not computed again."""
 
     def __init__(
         self, scene: Scene, *, device: str, within_mm: float, folder: Path, log: Callable[[str], None]
     ) -> None:
-        self._scene = scene
+        self._scene = _decided(scene)
         self._device = device
         self._within = within_mm
         self._log = log

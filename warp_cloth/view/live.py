@@ -86,7 +86,11 @@ class LiveFit:
         self._start()
 
     def _load(self, changes: Mapping[str, str]) -> Scene:
-        return load_scene(self._source, [f"{key}={value}" for key, value in changes.items()])
+        """The scene; where it leaves contact of cloth with cloth open, without, which follows changes at once."""
+        scene = load_scene(self._source, [f"{key}={value}" for key, value in changes.items()])
+        if scene.collision.cloth != "auto":
+            return scene
+        return scene.model_copy(update={"collision": scene.collision.model_copy(update={"cloth": False})})
 
     def _start(self) -> None:
         self.iteration = 0

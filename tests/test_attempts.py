@@ -1,0 +1,226 @@
+"""What a scene leaves open is decided: contact, method and end, first from its garments, then by how a fit goes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import warp_cloth
+from warp_cloth.batch import fit_many
+from warp_cloth.fitting.problem import build_problem
+from warp_cloth.garment.outfit import load_outfit
+from warp_cloth.model.attempt import (
+    FEW_CROSSINGS,
+    MOST_ITERATIONS,
+    Attempt,
+    CutShort,
+    Ended,
+    Patience,
+    first_attempt,
+    next_attempt,
+)
+from warp_cloth.model.result import Status
+from warp_cloth.scene import Scene, load_scene
+from warp_cloth.solver.certificate.certifier import Measurement, Tolerance
+from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.solver.stall import STALL, StallWatch
+
+SMALL_SHIRT = ["garment.shape.edge_mm=50"]
+DRAPED = ["garment.shape.vertices_per_side=25"]
+VERTICES = 1000
+REST, LIMIT, LOST = Status.AT_REST, Status.ITERATION_LIMIT, Status.DIVERGED
+TWO_SHEETS: dict[str, Any] = {
+    "garment": [
+        {"shape": {"kind": "square", "vertices_per_side": 3, "height": height}, "pin": {"vertices": [0, 1]}}
+        for height in (1.0, 1.1)
+    ]
+}
+
+
+def first(scene: str | dict[str, Any], *changes: str) -> Attempt:
+    chosen = load_scene(scene, changes)
+    return first_attempt(chosen, load_outfit(chosen))
+
+
+def after(*ends: tuple[Attempt, Status, int]) -> Attempt | None:
+    return next_attempt([Ended(attempt, status, crossings, VERTICES) for attempt, status, crossings in ends])
+
+
+def decisions(attempt: Attempt | None) -> tuple[str, bool, int | None] | None:
+    if attempt is None:
+        return None
+    return attempt.scene.solver.method, attempt.touches, attempt.begins_after
+
+
+def test_sewn_panels_touch_from_the_start() -> None:
+    assert decisions(first("tshirt", *SMALL_SHIRT)) == ("accelerated", True, None)
+
+
+def test_several_garments_touch_from_the_start() -> None:
+    attempt = first(TWO_SHEETS)
+    assert attempt.touches
+    assert {choice.key: choice.reason for choice in attempt.choices}["collision.cloth"] == "2 garments touch each other"
+
+
+def test_one_sheet_begins_without_contact_and_is_watched() -> None:
+    attempt = first("sphere", *DRAPED)
+    assert decisions(attempt) == ("accelerated", False, None)
+    assert attempt.ends_crossing
+
+
+@pytest.mark.parametrize("cloth", [True, False])
+def test_stated_contact_holds_and_is_no_choice(cloth: bool) -> None:
+    attempt = first("tshirt", *SMALL_SHIRT, f"collision.cloth={str(cloth).lower()}")
+    assert attempt.touches is cloth
+    assert not attempt.ends_crossing
+    assert [choice.key for choice in attempt.choices] == ["solver.method"]
+
+
+def test_nothing_is_chosen_where_all_is_stated() -> None:
+    attempt = first("hanging", "collision.cloth=false", "solver.method=direct", "solver.iterations=7")
+    assert attempt.choices == ()
+    assert attempt.patience is Patience.NONE
+    assert attempt.scene.solver.iterations == 7
+
+
+def test_a_dressed_start_has_no_contact_and_no_second_attempt() -> None:
+    attempt = first("sphere", *DRAPED, "solver.start=dressed")
+    assert not attempt.touches
+    assert after((attempt, REST, 5)) is None
+
+
+def test_without_a_stated_limit_an_attempt_ends_where_it_makes_no_progress() -> None:
+    attempt = first("hanging")
+    assert attempt.scene.solver.iterations == MOST_ITERATIONS
+    assert attempt.patience is Patience.SHORT
+
+
+def test_what_ends_well_is_not_tried_again() -> None:
+    assert after((first("hanging"), REST, 0)) is None
+
+
+def test_what_diverged_is_not_tried_again() -> None:
+    assert after((first("hanging"), LOST, 0)) is None
+
+
+def test_what_crosses_is_relaxed_anew_with_contact() -> None:
+    assert decisions(after((first("sphere", *DRAPED), LIMIT, 3))) == ("accelerated", True, None)
+
+
+def test_crossings_are_left_where_contact_is_stated_off() -> None:
+    assert after((first("sphere", *DRAPED, "collision.cloth=false"), REST, 3)) is None
+
+
+def test_what_stalls_is_relaxed_by_the_multilevel_method() -> None:
+    falling = first("hanging")
+    levels = after((falling, LIMIT, 0))
+    assert decisions(levels) == ("multilevel", False, None)
+    assert levels is not None
+    assert after((falling, LIMIT, 0), (levels, REST, 0)) is None
+
+
+def test_a_stated_method_is_kept() -> None:
+    assert after((first("hanging", "solver.method=accelerated"), LIMIT, 0)) is None
+
+
+def skirt() -> tuple[Attempt, Attempt]:
+    """An attempt with contact that stalled, and the one that follows."""
+    sewn = first("tshirt", *SMALL_SHIRT)
+    levels = after((sewn, LIMIT, 0))
+    assert levels is not None
+    return sewn, levels
+
+
+def test_few_crossings_are_undone_from_where_the_multilevel_method_ended() -> None:
+    sewn, levels = skirt()
+    few = int(FEW_CROSSINGS * VERTICES)
+    last = after((sewn, LIMIT, 0), (levels, REST, few))
+    assert decisions(last) == ("accelerated", True, 1)
+    assert last is not None
+    assert last.patience is Patience.LONG
+    assert after((sewn, LIMIT, 0), (levels, REST, few), (last, LIMIT, 0)) is None
+
+
+def test_where_it_left_many_crossings_the_attempt_with_contact_goes_on() -> None:
+    sewn, levels = skirt()
+    assert decisions(after((sewn, LIMIT, 0), (levels, REST, VERTICES))) == ("accelerated", True, 0)
+
+
+def test_where_that_crosses_too_nothing_is_left_to_try() -> None:
+    sewn, levels = skirt()
+    assert after((sewn, LIMIT, 9), (levels, REST, VERTICES)) is None
+
+
+def test_the_best_attempt_is_free_of_crossings_then_at_rest() -> None:
+    attempt = first("hanging")
+    ends = [
+        Ended(attempt, status, crossings, VERTICES)
+        for status, crossings in ((LOST, 0), (REST, 9), (LIMIT, 2), (LIMIT, 0), (REST, 0))
+    ]
+    ranks = [each.rank for each in ends]
+    assert ranks == sorted(ranks)
+
+
+def measured(iteration: int, residual: float, error: float) -> Measurement:
+    one = np.ones(1)
+    return Measurement(iteration, one, residual * one, error * one, one, one, np.zeros((1, 2, 3)), one > 0)
+
+
+@pytest.mark.parametrize(("patience", "ends"), [(Patience.NONE, False), (Patience.SHORT, True), (Patience.LONG, False)])
+def test_patience_decides_whether_one_falling_figure_is_progress(patience: Patience, ends: bool) -> None:
+    """The residual falls for ever, the rest error, which is worse, does not."""
+    watch = StallWatch([Tolerance()], [patience])
+    stalled = [bool(watch.stalled(measured(100 * n, 0.1 * 0.9**n, 1.0))[0]) for n in range(1, 3 + STALL // 100)]
+    assert stalled[-1] is ends
+    assert not any(stalled[:-1])
+
+
+def test_what_is_within_its_limit_need_not_fall() -> None:
+    watch = StallWatch([Tolerance()], [Patience.LONG])
+    stalled = [watch.stalled(measured(100 * n, 0.02, 1e-9))[0] for n in range(1, 3 + STALL // 100)]
+    assert stalled[-1]
+
+
+def test_a_relaxation_without_progress_is_cut_short() -> None:
+    """A tolerance below rounding cannot be reached."""
+    scene = load_scene("hanging", ["garment.shape.vertices_per_side=5"])
+    problem = build_problem([scene], [load_outfit(scene)], "cpu")
+    goal = Goal(Tolerance(relative_rms=1e-30, rest_error=1e-30), 100_000, Patience.SHORT)
+    (outcome,) = relax_items(problem.relaxation, problem.certifier, [goal])
+    assert (outcome.status, outcome.cut_short) == (Status.ITERATION_LIMIT, CutShort.STALLED)
+    assert STALL < outcome.iterations < 100_000
+
+
+@pytest.fixture(scope="module")
+def draped() -> warp_cloth.Fit:
+    return warp_cloth.fit("sphere", device="cpu", overrides=DRAPED)
+
+
+def test_cloth_over_a_ball_ends_apart_by_itself(draped: warp_cloth.Fit) -> None:
+    assert draped.worn
+    assert draped.report["crossings"]["pairs"] == 0
+    attempts = draped.report["attempts"]
+    assert [attempt["cloth_contact"] for attempt in attempts] == [False, True]
+    assert [attempt["chosen"] for attempt in attempts] == [False, True]
+    assert {choice["key"]: choice["value"] for choice in draped.report["choices"]}["collision.cloth"] is True
+
+
+def test_settings_are_as_stated(draped: warp_cloth.Fit) -> None:
+    settings = draped.report["settings"]
+    assert (settings["collision"]["cloth"], settings["solver"]["method"]) == ("auto", "auto")
+    assert isinstance(draped.scene, Scene)
+
+
+def test_attempts_of_a_batch_have_the_bits_of_each_alone(draped: warp_cloth.Fit) -> None:
+    scenes = [load_scene("sphere", DRAPED), load_scene("sphere", [*DRAPED, "garment.fabric=felt"])]
+    both = fit_many(scenes, "cpu", together=2)
+    assert isinstance(both[0], warp_cloth.Fit)
+    assert np.array_equal(both[0].garments[0].points, draped.garments[0].points)
+    assert both[0].report["attempts"] == draped.report["attempts"]
+
+
+def test_cloth_that_touches_nothing_needs_one_attempt() -> None:
+    fit = warp_cloth.fit("hanging", device="cpu")
+    assert [attempt["cloth_contact"] for attempt in fit.report["attempts"]] == [False]

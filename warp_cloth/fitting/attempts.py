@@ -1,0 +1,127 @@
+"""Attempts at a scene, one after another, until one has ended well or there is nothing else to try."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_cloth.base.cache import Cache
+from warp_cloth.contact.garments import GarmentCrossings, model_crossings, worn_crossings
+from warp_cloth.fitting.clock import StageClock
+from warp_cloth.fitting.predrape import prepare_start
+from warp_cloth.fitting.problem import Problem, build_problem, collider_updates
+from warp_cloth.model.attempt import Attempt, Ended, next_attempt
+from warp_cloth.model.result import AttemptRun, LevelRun
+from warp_cloth.solver.loop import Outcome, relax_items
+
+Relax = Callable[[Problem], Outcome]  # relaxes a lone scene
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One item's attempt, relaxed."""
+
+    problem: Problem
+    item: int
+    outcome: Outcome
+    crossings: GarmentCrossings
+    levels: tuple[LevelRun, ...] = ()
+
+    @property
+    def attempt(self) -> Attempt:
+        return self.problem.attempts[self.item]
+
+    @property
+    def ended(self) -> Ended:
+        outcome = self.outcome
+        return Ended(self.attempt, outcome.status, self.crossings.pairs, len(outcome.points), outcome.cut_short)
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """An item's attempts, and the best of them."""
+
+    runs: tuple[Run, ...]
+
+    @property
+    def best(self) -> Run:
+        """The last of the best runs."""
+        return max(enumerate(self.runs), key=lambda numbered: (*numbered[1].ended.rank, numbered[0]))[1]
+
+    @property
+    def seconds(self) -> float:
+        """Of relaxing, in all attempts."""
+        return sum(run.outcome.seconds for run in self.runs)
+
+    def summary(self) -> list[AttemptRun]:
+        """The attempts, for the report."""
+        best = self.best
+        return [
+            AttemptRun(
+                run.attempt.scene.solver.method,
+                run.attempt.touches,
+                run.outcome.iterations,
+                run.outcome.status,
+                run.crossings.pairs,
+                chosen=run is best,
+            )
+            for run in self.runs
+        ]
+
+
+def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequence[tuple[LevelRun, ...]]) -> list[Run]:
+    """The runs of a problem's items, with their crossings."""
+    worn = [outcome.points for outcome in outcomes]
+    if all(np.isfinite(points).all() for points in worn):
+        crossings = model_crossings(problem.model, problem.outfits)
+    else:
+        crossings = worn_crossings(problem.outfits, worn, problem.model.device)
+    return [Run(problem, item, outcome, crossings[item], levels[item]) for item, outcome in enumerate(outcomes)]
+
+
+def tried_further(first: Run, relax: Relax, *, cache: Cache, clock: StageClock) -> Course:
+    """Further attempts at an item, until one has ended well or there is nothing else to try.
+
+    Args:
+        first: the item's first run.
+        relax: relaxes the problem of a lone scene.
+        cache: what earlier problems left of the same garments and avatars.
+        clock: of the stages.
+    """
+    runs = [first]
+    outfit = first.problem.loaded[first.item]
+    while (attempt := next_attempt([run.ended for run in runs])) is not None:
+        device = first.problem.model.device
+        problem = build_problem([attempt.stated], [outfit], device, cache=cache, clock=clock, attempts=[attempt])
+        levels: tuple[LevelRun, ...] = ()
+        if attempt.begins_after is None:
+            levels = prepare_start(problem, cache)
+        else:
+            start_where_left(problem, runs[attempt.begins_after].outcome)
+        clock.begin("relax")
+        outcome = relax(problem)
+        clock.lap("relax")
+        runs += finished_runs(problem, [outcome], [levels])
+    return Course(tuple(runs))
+
+
+def start_where_left(problem: Problem, outcome: Outcome) -> None:
+    """Moves a lone scene's garments to where an earlier attempt left them."""
+    problem.model.set_points(outcome.points)
+    if not problem.contact.covers(outcome.points):
+        problem.relaxation.set_collider(0, problem.contact.collider(outcome.points))
+
+
+def relax_alone(problem: Problem) -> Outcome:
+    """Relaxes the problem of a lone scene."""
+    (outcome,) = relax_items(
+        problem.relaxation,
+        problem.certifier,
+        problem.goals(),
+        follow=collider_updates(problem),
+        schedule=problem.schedule,
+        crosses=problem.crossing_items,
+    )
+    return outcome
