@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -153,6 +154,16 @@ def test_where_that_crosses_too_nothing_is_left_to_try() -> None:
     assert after((sewn, LIMIT, 9), (levels, REST, VERTICES)) is None
 
 
+def test_what_is_torn_is_tried_by_the_multilevel_method() -> None:
+    sewn = first("tshirt", *SMALL_SHIRT)
+    torn = Ended(sewn, REST, 0, VERTICES, torn=True)
+    levels = next_attempt([torn])
+    assert decisions(levels) == ("multilevel", False, None)
+    assert levels is not None
+    assert next_attempt([torn, Ended(levels, REST, 9, VERTICES, torn=True)]) is None
+    assert decisions(next_attempt([torn, Ended(levels, REST, 9, VERTICES)])) == ("accelerated", True, 1)
+
+
 def test_the_best_attempt_is_free_of_crossings_then_at_rest() -> None:
     attempt = first("hanging")
     ends = [
@@ -168,19 +179,24 @@ def measured(iteration: int, residual: float, error: float) -> Measurement:
     return Measurement(iteration, one, residual * one, error * one, one, one, np.zeros((1, 2, 3)), one > 0)
 
 
-@pytest.mark.parametrize(("patience", "ends"), [(Patience.NONE, False), (Patience.SHORT, True), (Patience.LONG, False)])
-def test_patience_decides_whether_one_falling_figure_is_progress(patience: Patience, ends: bool) -> None:
-    """The residual falls for ever, the rest error, which is worse, does not."""
-    watch = StallWatch([Tolerance()], [patience])
-    stalled = [bool(watch.stalled(measured(100 * n, 0.1 * 0.9**n, 1.0))[0]) for n in range(1, 3 + STALL // 100)]
-    assert stalled[-1] is ends
-    assert not any(stalled[:-1])
+def stalls(patience: Patience, residual: Callable[[int], float], count: int) -> list[bool]:
+    """Whether an item has stalled at each of so many checks; its rest error stays the same."""
+    watch = StallWatch([patience])
+    return [bool(watch.stalled(measured(100 * n, residual(n), 1.0))[0]) for n in range(1, count)]
 
 
-def test_what_is_within_its_limit_need_not_fall() -> None:
-    watch = StallWatch([Tolerance()], [Patience.LONG])
-    stalled = [watch.stalled(measured(100 * n, 0.02, 1e-9))[0] for n in range(1, 3 + STALL // 100)]
-    assert stalled[-1]
+@pytest.mark.parametrize("patience", [Patience.SHORT, Patience.LONG])
+def test_what_comes_no_nearer_to_rest_stalls(patience: Patience) -> None:
+    checks = STALL[patience][0] // 100 + 2
+    assert stalls(patience, lambda n: 0.1, checks + 1) == [False] * (checks - 1) + [True]
+
+
+def test_one_figure_that_falls_is_progress() -> None:
+    assert not any(stalls(Patience.SHORT, lambda n: 0.1 * 0.99**n, 400))
+
+
+def test_a_fit_with_a_stated_limit_never_stalls() -> None:
+    assert not any(stalls(Patience.NONE, lambda n: 0.1, 1000))
 
 
 def test_a_relaxation_without_progress_is_cut_short() -> None:
@@ -190,7 +206,7 @@ def test_a_relaxation_without_progress_is_cut_short() -> None:
     goal = Goal(Tolerance(relative_rms=1e-30, rest_error=1e-30), 100_000, Patience.SHORT)
     (outcome,) = relax_items(problem.relaxation, problem.certifier, [goal])
     assert (outcome.status, outcome.cut_short) == (Status.ITERATION_LIMIT, CutShort.STALLED)
-    assert STALL < outcome.iterations < 100_000
+    assert STALL[Patience.SHORT][0] < outcome.iterations < 100_000
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,9 @@ from warp_cloth.contact.garments import GarmentCrossings, model_crossings, worn_
 from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates
-from warp_cloth.model.attempt import Attempt, Ended, next_attempt
+from warp_cloth.model.attempt import TORN, Attempt, Ended, next_attempt
 from warp_cloth.model.result import AttemptRun, LevelRun
+from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.loop import Outcome, relax_items
 
 Relax = Callable[[Problem], Outcome]  # relaxes a lone scene
@@ -27,6 +28,7 @@ class Run:
     item: int
     outcome: Outcome
     crossings: GarmentCrossings
+    torn: bool
     levels: tuple[LevelRun, ...] = ()
 
     @property
@@ -36,7 +38,9 @@ class Run:
     @property
     def ended(self) -> Ended:
         outcome = self.outcome
-        return Ended(self.attempt, outcome.status, self.crossings.pairs, len(outcome.points), outcome.cut_short)
+        return Ended(
+            self.attempt, outcome.status, self.crossings.pairs, len(outcome.points), self.torn, outcome.cut_short
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +82,12 @@ def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequenc
         crossings = model_crossings(problem.model, problem.outfits)
     else:
         crossings = worn_crossings(problem.outfits, worn, problem.model.device)
-    return [Run(problem, item, outcome, crossings[item], levels[item]) for item, outcome in enumerate(outcomes)]
+    model = problem.model
+    strains = edge_strains(model)
+    torn = [bool((strains[model.of_item(item, model.edge_start)] > TORN).any()) for item in range(len(outcomes))]
+    return [
+        Run(problem, item, outcome, crossings[item], torn[item], levels[item]) for item, outcome in enumerate(outcomes)
+    ]
 
 
 def tried_further(first: Run, relax: Relax, *, cache: Cache, clock: StageClock) -> Course:

@@ -8,6 +8,7 @@ import numpy as np
 
 from warp_cloth.base.quantiles import quantiles
 from warp_cloth.loading.raw import counted
+from warp_cloth.model.attempt import TORN
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
 from warp_cloth.report.judged import Judged, listed
 
@@ -19,7 +20,6 @@ TIGHT, TIGHT_SHARE = 0.2, 0.15
 SHARP, BUNCHED = np.radians(120.0), 0.1
 # Lowest height of each part of a standing body, of its own.
 PARTS = {"neck and shoulders": 0.82, "chest": 0.68, "waist": 0.57, "hip": 0.42, "legs": -np.inf}
-OPEN = 0.5  # strain of an edge: twice what any worn knit reaches, so it is a seam that did not close
 # Fraction of faces that may pass through others where contact of cloth with cloth is switched off; of a T-shirt's,
 # creased at the armpits, 0.03 do. With contact any crossing pair counts.
 CROSSED_WITHOUT_CONTACT = 0.05
@@ -96,7 +96,7 @@ def bunched_up(judged: Judged) -> FitProblem | None:
 def seam_open(judged: Judged) -> FitProblem | None:
     """Edges still far longer than they are cut."""
     strains = judged.strains
-    edges = np.flatnonzero(strains > OPEN)
+    edges = np.flatnonzero(strains > TORN)
     if not len(edges):
         return None
     ends, most = judged.edge_ends[edges], float(strains[edges].max())
@@ -105,11 +105,11 @@ def seam_open(judged: Judged) -> FitProblem | None:
     verb = "is" if len(edges) == 1 else "are"
     return FitProblem(
         ProblemCode.SEAM_OPEN,
-        f'{counted(len(edges), "edge")} of "{judged.name}" {verb} still stretched by more than {100 * OPEN:.0f} %, up '
+        f'{counted(len(edges), "edge")} of "{judged.name}" {verb} still stretched by more than {100 * TORN:.0f} %, up '
         f"to {100 * most:.0f} %: a seam is held open, or the cloth is torn.",
         "Free what holds the two sides apart: pins on both, a limb between them, or a body larger than the garment.",
         judged.name,
-        {"edges": len(edges), "strain_max": most, "limit": OPEN, "longest_mm": gap},
+        {"edges": len(edges), "strain_max": most, "limit": TORN, "longest_mm": gap},
         vertices=listed(ends),
     )
 

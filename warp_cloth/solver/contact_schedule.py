@@ -20,8 +20,6 @@ MOST_SEWING = 1000  # iterations after which a seam that will not close is left 
 CHECK_EVERY = 500  # iterations between checks for new crossings: a pose may have pushed cloth through
 ROOMY = 0.5  # fraction of the memory for pairs; below it the next chunk does not wait for the measurement
 MOST_UNTANGLING = 2000  # iterations after which momentum may help where calm did not
-# Iterations after which what still crosses stays tangled. Of random designs, those that came apart did in 300 to 500.
-TANGLED = 4000
 
 
 class ContactSchedule:
@@ -40,7 +38,7 @@ class ContactSchedule:
         self._roomy = False  # whether pairs used little of their memory at the last measurement
         self._overflows = False  # whether there are more pairs than fit, all the same
         self._crosses_again = False
-        self.tangled = False  # whether cloth has crossed for so long that it will not come apart
+        self.tangled_for = 0  # iterations for which cloth has crossed since contact began; 0: nothing crosses
         if cloth_contact.layered:
             cloth_contact.lift(LAYER_LIFT)
         self._set_momentum(min(CALM_MOMENTUM, self._momentum))
@@ -135,7 +133,7 @@ class ContactSchedule:
         """Ends untangling once nothing crosses; returns whether the present shape may be the rest shape."""
         cloth_contact, since = self._cloth_contact, iteration - self._enabled_at
         crossings = cloth_contact.crossings() if cloth_contact.untangles or iteration % CHECK_EVERY == 0 else 0
-        self.tangled = cloth_contact.untangles and crossings > 0 and since >= TANGLED
+        self.tangled_for = since if cloth_contact.untangles and crossings > 0 else 0
         if self.calm and since > 0 and (not crossings or since >= MOST_UNTANGLING):
             self._set_momentum(self._momentum)
             cloth_contact.lift(0.0)
