@@ -37,10 +37,8 @@ class Run:
 
     @property
     def ended(self) -> Ended:
-        outcome = self.outcome
-        return Ended(
-            self.attempt, outcome.status, self.crossings.pairs, len(outcome.points), self.torn, outcome.cut_short
-        )
+        outcome, pairs = self.outcome, self.crossings.pairs
+        return Ended(self.attempt, outcome.status, pairs, len(outcome.points), self.torn, outcome.cut_short)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +74,7 @@ class Course:
 
 
 def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequence[tuple[LevelRun, ...]]) -> list[Run]:
-    """The runs of a problem's items, with their crossings."""
+    """The runs of a problem's items, with their crossings and whether they are torn."""
     worn = [outcome.points for outcome in outcomes]
     if all(np.isfinite(points).all() for points in worn):
         crossings = model_crossings(problem.model, problem.outfits)
@@ -85,9 +83,8 @@ def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequenc
     model = problem.model
     strains = edge_strains(model)
     torn = [bool((strains[model.of_item(item, model.edge_start)] > TORN).any()) for item in range(len(outcomes))]
-    return [
-        Run(problem, item, outcome, crossings[item], torn[item], levels[item]) for item, outcome in enumerate(outcomes)
-    ]
+    each = enumerate(zip(outcomes, crossings, torn, levels, strict=True))
+    return [Run(problem, item, *of_item) for item, of_item in each]
 
 
 def tried_further(first: Run, relax: Relax, *, cache: Cache, clock: StageClock) -> Course:

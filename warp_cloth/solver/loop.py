@@ -41,8 +41,8 @@ FALL = 0.01  # [m]; the boxes of cloth that moved further since the last check a
 # Iterations after which items that pass through themselves end, where their goal says so, to be relaxed anew with
 # contact. Not before most cloth that touches nothing is at rest, since a search takes as long as some 20 iterations.
 CROSSING_CHECKS = (2000, 8000)
-# Iterations after which what still crosses stays tangled. Of random designs those that came apart from the sewing on did
-# in 300 to 500; one that the multilevel method had left with crossings, after more than 4,000.
+# Iterations after which what still crosses stays tangled. Random designs came apart 300 to 500 after being sewn; one
+# that the multilevel method had left with crossings, after more than 4,000.
 TANGLED = {Patience.NONE: math.inf, Patience.SHORT: 4000, Patience.LONG: 10_000}
 
 
