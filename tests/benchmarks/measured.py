@@ -51,6 +51,8 @@ class Figures:
     def __init__(self, script: str, options: argparse.Namespace, *, device: str = "cpu", cores: int = 0) -> None:
         """``script``: its ``__file__``. ``cores``: CPU cores in use where the device is "cpu"; 0: all."""
         self._script, self._write = Path(script).stem, bool(getattr(options, "write", False))
+        path = Path(script).resolve()
+        self._path = path.relative_to(HERE) if HERE in path.parents else Path(path.name)
         self._device, self._cores, self._rows = device, cores, list[Row]()
 
     def __enter__(self) -> Figures:
@@ -66,7 +68,7 @@ class Figures:
         print(f"{self._script}.{name} {shown} {unit}", flush=True)
         if self._write:
             used = self._cores if cores is None else cores
-            source = " ".join(["python", f"tests/benchmarks/{self._script}.py", *_arguments()])
+            source = " ".join(["python", f"tests/benchmarks/{self._path}", *_arguments()])
             place = hardware(self._device, used)
             self._rows.append(Row(f"{self._script}.{name}", shown, unit, place, commit(), source))
 

@@ -1,9 +1,10 @@
 """Fits the random designs as one batch, judges every result from outside, and compares the judge with ``worn``.
 
-    python tests/benchmarks/designs/run.py --designs designs --data ../shared/data --out designs_out --device cpu
+    python tests/benchmarks/designs/fit_designs.py --designs designs --data ../shared/data --out out --device cpu
 
 Each item states its mesh, its fabric (cotton, jersey, silk, denim by turns) and its body, and nothing else but what
---set names. Writes judged.csv into --out, and prints the table and a summary.
+--set names. Writes judged.csv into --out, and prints the table and a summary. A batch that is in --out already goes on
+where it was.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from designs.geometry import Floats, read_obj
 from designs.judge import Wearer, judge
+from measured import Figures, add_write_option
 
 FABRICS = ("cotton", "jersey", "silk", "denim")
 BODIES = ("garmentcode", "bodies")  # folders of --data that hold the bodies of index.csv
@@ -112,6 +114,7 @@ def main() -> None:
     parse.add_argument("--device")
     parse.add_argument("--workers", type=int)
     parse.add_argument("--set", dest="changes", action="append", default=[], metavar="KEY=VALUE")
+    add_write_option(parse)
     given = parse.parse_args()
     jobs = designs_of(given.designs, given.data, given.only)
     run_batch(jobs, given.changes, given)
@@ -123,10 +126,13 @@ def main() -> None:
         writer.writerows(rows)
     for row in rows:
         print("  ".join(str(row[column]) for column in COLUMNS))
-    print(f"at_rest {sum(row['status'] == 'at_rest' for row in rows)} of {len(rows)}")
-    print(f"judged_good {sum(row['judge'] == 'good' for row in rows)} of {len(rows)}")
-    for (worn, good), count in sorted(Counter((row["worn"] or "-", row["judge"] == "good") for row in rows).items()):
-        print(f"worn_{worn}.judged_{'good' if good else 'bad'} {count} designs")
+    with Figures(__file__, given, device=given.device or "cpu") as figures:
+        figures.add("designs", str(len(rows)), "designs")
+        figures.add("at_rest", str(sum(row["status"] == "at_rest" for row in rows)), "designs")
+        verdicts = Counter((row["worn"] == "true", row["judge"] == "good") for row in rows)
+        for (worn, good), count in sorted(verdicts.items()):
+            name = f"{'worn' if worn else 'not_worn'}.judged_{'good' if good else 'bad'}"
+            figures.add(name, str(count), "designs")
 
 
 if __name__ == "__main__":
