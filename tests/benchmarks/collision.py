@@ -32,7 +32,7 @@ from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.bench.avatar import named_places, sample_lines
 from warp_cloth.fitting.fit import fit
-from warp_cloth.fitting.problem import Problem, collider_updates, tolerance_of
+from warp_cloth.fitting.problem import Problem, collider_updates, limit_of, tolerance_of
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
@@ -204,7 +204,7 @@ def _posed_scenes(pose: str, pixels: Sequence[float], limit: int) -> tuple[Scene
 
 
 def _goal(scene: Scene) -> Goal:
-    return Goal(tolerance_of(scene), scene.solver.iterations)
+    return Goal(tolerance_of(scene), limit_of(scene))
 
 
 def add_times(rows: Sequence[dict[str, Any]], rest: Points, pixels: Sequence[float], device: str) -> None:

@@ -29,7 +29,7 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.contact.crossing import find_crossings
-from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, tolerance_of
+from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, limit_of, tolerance_of
 from warp_cloth.garment.outfit import Outfit, load_outfit
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Tolerance
@@ -106,7 +106,7 @@ class Fits:
         """Lets it come to rest, or runs so many iterations."""
         watch = Watch(made, by_kernel=by_kernel)
         tolerance = tolerance_of(self.scene) if iterations is None else NEVER
-        limit = iterations or self.scene.solver.iterations
+        limit = iterations or limit_of(self.scene)
         wp.synchronize_device(self._device)
         began = time.perf_counter()
         out = relax_to_rest(

@@ -50,8 +50,9 @@ def shirt(size: str = "M", edge_mm: float = 12.0, fabric: str = "jersey") -> Tre
 
 
 def dressed(garment: Tree | Sequence[Tree], body: str, collision: Tree | None = None, **solver: Any) -> Scene:
-    """A scene of one of the bodies."""
-    return load_scene({"garment": garment, "avatar": BODIES[body], "collision": collision or {}, "solver": solver})
+    """A scene of one of the bodies, without contact of cloth with cloth unless ``collision`` states it."""
+    own = {"cloth": False, **(collision or {})}
+    return load_scene({"garment": garment, "avatar": BODIES[body], "collision": own, "solver": solver})
 
 
 def several(
