@@ -366,11 +366,8 @@ class _Loop:
         points = self._certifier.last_points(item) if status is Status.DIVERGED else np.zeros((0, 3))
         seconds = time.perf_counter() - self._began
         moved = self._certifier.last_motion(item) if status is Status.ITERATION_LIMIT else None
-        if status is not Status.ITERATION_LIMIT:
-            cut_short = None
-        self._outcomes[item] = Outcome(
-            status, check, points, check.iteration, seconds, moved=moved, cut_short=cut_short
-        )
+        why = cut_short if status is Status.ITERATION_LIMIT else None
+        self._outcomes[item] = Outcome(status, check, points, check.iteration, seconds, moved=moved, cut_short=why)
 
     def _react(self) -> None:
         """Applies what the last positions call for: contact, the anisotropic step, and colliders."""
