@@ -180,7 +180,7 @@ def measured(iteration: int, residual: float, error: float) -> Measurement:
 
 
 def stalls(patience: Patience, residual: Callable[[int], float], count: int) -> list[bool]:
-    """Whether an item has stalled at each of so many checks; its rest error stays the same."""
+    """Whether an item has stalled at each of some checks; its rest error stays the same."""
     watch = StallWatch([patience])
     return [bool(watch.stalled(measured(100 * n, residual(n), 1.0))[0]) for n in range(1, count)]
 

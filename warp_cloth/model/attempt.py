@@ -106,7 +106,7 @@ def first_attempt(scene: Scene, outfit: Outfit) -> Attempt:
 def next_attempt(history: Sequence[Ended]) -> Attempt | None:
     """What a scene is fitted with after these attempts; None: all is well, or there is nothing else to try.
 
-    Cloth that crosses is relaxed anew with contact. Cloth that does not come to rest, or is torn round a limb, is
+    Cloth that crosses is relaxed again with contact. Cloth that does not come to rest, or is torn round a limb, is
     relaxed by the multilevel method without contact, which sews and lets fall as a whole; where that leaves few
     crossings they are then undone, and where it leaves many the attempt with contact goes on.
     """

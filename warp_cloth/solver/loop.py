@@ -38,7 +38,7 @@ CHUNKS_PER_CHECK = 5  # the certificate costs about two iterations
 FALL = 0.01  # [m]; the boxes of cloth that moved further since the last check are measured after every chunk
 
 
-# Iterations after which items that pass through themselves end, where their goal says so, to be relaxed anew with
+# Iterations after which items that pass through themselves end, where their goal says so, to be relaxed again with
 # contact. Not before most cloth that touches nothing is at rest, since a search takes as long as some 20 iterations.
 CROSSING_CHECKS = (2000, 8000)
 # Iterations after which what still crosses stays tangled. Random designs came apart 300 to 500 after being sewn; one

@@ -11,7 +11,7 @@ from warp_cloth.garment.rest import Floats
 from warp_cloth.model.attempt import Patience
 from warp_cloth.solver.certificate.certifier import Measurement
 
-# A fit has stalled where neither of its figures has fallen by a twentieth in so many iterations, and in such a fraction
+# A fit has stalled where neither of its figures has fallen by a twentieth in this many iterations, and this fraction
 # of all so far. Of 81 random designs that came to rest with cloth on cloth, short patience would have ended 6, loose
 # skirts all of them, and 14 of the 15 others.
 LEAST_GAIN = 0.05

@@ -38,9 +38,9 @@ def designs_of(folder: Path, data: Path, only: list[str]) -> list[dict[str, str]
         bodies = [path for part in BODIES if (path := data / part / f"{row['body']}.obj").exists()]
         job = {
             "name": row["name"],
-            "garment.mesh": str((folder / row["garment"]).absolute()),
+            "garment.mesh": str((folder / row["garment"]).resolve()),
             "garment.fabric": FABRICS[place % len(FABRICS)],
-            "avatar.mesh": str(bodies[0].absolute()),
+            "avatar.mesh": str(bodies[0].resolve()),
         }
         if not only or row["name"] in only:
             found.append(job)
