@@ -62,7 +62,7 @@ def build_report(
         "levels": [{**asdict(level), "status": level.status.value} for level in measured.levels],
         "attempts": [{**asdict(attempt), "status": attempt.status.value} for attempt in attempts],
         "seconds": seconds,
-        "iterations_per_second": outcome.iterations / relaxing if relaxing > 0.0 else None,
+        "iterations_per_second": sum(each.iterations for each in attempts) / relaxing if relaxing > 0.0 else None,
         "device": device,
         "precision": scene.solver.precision,
         "residual": asdict(outcome.check.residual),
