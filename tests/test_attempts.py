@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,9 @@ import pytest
 
 import warp_cloth
 from warp_cloth.batch import fit_many
-from warp_cloth.fitting.problem import build_problem
+from warp_cloth.fitting import attempts
+from warp_cloth.fitting.problem import Problem, build_problem
+from warp_cloth.fitting.warm_start import start_from
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.attempt import (
     FEW_CROSSINGS,
@@ -28,6 +32,7 @@ from warp_cloth.solver.certificate.certifier import Measurement, Tolerance
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.solver.stall import STALL, StallWatch
 
+fit_module = import_module("warp_cloth.fitting.fit")  # the package has a function of that name
 SMALL_SHIRT = ["garment.shape.edge_mm=50"]
 DRAPED = ["garment.shape.vertices_per_side=25"]
 VERTICES = 1000
@@ -240,3 +245,35 @@ def test_attempts_of_a_batch_have_the_bits_of_each_alone(draped: warp_cloth.Fit)
 def test_cloth_that_touches_nothing_needs_one_attempt() -> None:
     fit = warp_cloth.fit("hanging", device="cpu")
     assert [attempt["cloth_contact"] for attempt in fit.report["attempts"]] == [False]
+
+
+def in_vain(history: Sequence[Ended]) -> Attempt | None:
+    """One more attempt, of a single iteration."""
+    attempt = history[0].attempt
+    solver = attempt.scene.solver.model_copy(update={"iterations": 1})
+    worse = replace(attempt, scene=attempt.scene.model_copy(update={"solver": solver}))
+    return worse if len(history) == 1 else None
+
+
+def test_attempts_in_vain_are_reported_alike_alone_and_in_a_batch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(attempts, "next_attempt", in_vain)
+    scene = load_scene("hanging", ["garment.shape.vertices_per_side=5"])
+    alone, (batched,) = warp_cloth.fit(scene, device="cpu"), fit_many([scene], "cpu")
+    assert isinstance(batched, warp_cloth.Fit)
+    assert [attempt["chosen"] for attempt in alone.report["attempts"]] == [True, False]
+    assert batched.report["attempts"] == alone.report["attempts"]
+
+
+def test_further_attempts_begin_at_the_given_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = load_scene("hanging", ["garment.shape.vertices_per_side=5"])
+    earlier = warp_cloth.fit(scene, device="cpu")
+    monkeypatch.setattr(attempts, "next_attempt", in_vain)
+    begun = []
+
+    def counted(problem: Problem, worn: Any) -> bool:
+        begun.append(problem)
+        return start_from(problem, worn)
+
+    monkeypatch.setattr(fit_module, "start_from", counted)
+    warp_cloth.fit(scene, device="cpu", start=earlier)
+    assert len(begun) == 2

@@ -19,16 +19,15 @@ from warp_cloth.batch.gpu_queue import GpuLease
 from warp_cloth.batch.loading import LoadCache
 from warp_cloth.batch.memory import MemoryNeed, available_bytes, grouped_by_avatar, memory_need, split_to_fit
 from warp_cloth.batch.warm_kernels import load_kernels
-from warp_cloth.fitting.attempts import Course, finished_runs, relax_alone, tried_further
+from warp_cloth.fitting.attempts import Course, finished_runs, relax_alone, relax_problem, tried_further
 from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.fit import Fit
-from warp_cloth.fitting.predrape import build_predrape, start_predraped
-from warp_cloth.fitting.problem import build_problem, collider_updates, problem_kind, start_coarse
+from warp_cloth.fitting.predrape import build_predrape, prepare_start, start_predraped
+from warp_cloth.fitting.problem import build_problem, problem_kind, start_coarse
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.model.plan import contact_kind
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.solver.loop import relax_items
 
 CACHE_FRACTION = 0.05  # of the memory, for avatars' fields that later scenes may use, too
 
@@ -153,20 +152,17 @@ def _fit_together(
             break
         problem.contact_report(item)  # measures what the report says of its contact, while there is time
     with lease:
-        outcomes = relax_items(
-            problem.relaxation,
-            problem.certifier,
-            problem.goals(),
-            follow=collider_updates(problem),
-            schedule=problem.schedule,
-            crosses=problem.crossing_items,
-            on_chunk=lease.release_early,
-        )
+        outcomes = relax_problem(problem, lease.release_early)
     clock.lap("relax")
     firsts = finished_runs(problem, outcomes, levels)
-    courses = [tried_further(first, relax_alone, cache=cache, clock=clock) for first in firsts]
-    results = finish_fits(problem, [Course((first,)) for first in firsts], clock=clock)
+    begin = partial(prepare_start, cache=cache)
+    courses = [tried_further(first, begin, relax_alone, cache=cache, clock=clock) for first in firsts]
+    here = [course.best is first for course, first in zip(courses, firsts, strict=True)]
+    of_problem = [
+        course if is_here else Course((first,)) for course, first, is_here in zip(courses, firsts, here, strict=True)
+    ]
+    results = finish_fits(problem, of_problem, clock=clock)
     for item, course in enumerate(courses):
-        if course.best is not firsts[item]:
+        if not here[item]:
             (results[item],) = finish_fits(course.best.problem, [course], clock=clock)
     return [Fit.of(result) for result in results]

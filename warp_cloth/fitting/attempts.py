@@ -10,13 +10,14 @@ import numpy as np
 from warp_cloth.base.cache import Cache
 from warp_cloth.contact.garments import GarmentCrossings, model_crossings, worn_crossings
 from warp_cloth.fitting.clock import StageClock
-from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates
 from warp_cloth.model.attempt import TORN, Attempt, Ended, next_attempt
 from warp_cloth.model.result import AttemptRun, LevelRun
 from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.loop import Outcome, relax_items
+from warp_cloth.solver.relax import Relaxation
 
+Begin = Callable[[Problem], tuple[LevelRun, ...]]  # brings a lone scene to its start; returns what that relaxed
 Relax = Callable[[Problem], Outcome]  # relaxes a lone scene
 
 
@@ -87,11 +88,12 @@ def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequenc
     return [Run(problem, item, *of_item) for item, of_item in each]
 
 
-def tried_further(first: Run, relax: Relax, *, cache: Cache, clock: StageClock) -> Course:
+def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock: StageClock) -> Course:
     """Further attempts at an item, until one has ended well or there is nothing else to try.
 
     Args:
         first: the item's first run.
+        begin: brings a problem to where the first run started.
         relax: relaxes the problem of a lone scene.
         cache: what earlier problems left of the same garments and avatars.
         clock: of the stages.
@@ -103,7 +105,7 @@ def tried_further(first: Run, relax: Relax, *, cache: Cache, clock: StageClock) 
         problem = build_problem([attempt.stated], [outfit], device, cache=cache, clock=clock, attempts=[attempt])
         levels: tuple[LevelRun, ...] = ()
         if attempt.begins_after is None:
-            levels = prepare_start(problem, cache)
+            levels = begin(problem)
         else:
             start_where_left(problem, runs[attempt.begins_after].outcome)
         clock.begin("relax")
@@ -120,14 +122,20 @@ def start_where_left(problem: Problem, outcome: Outcome) -> None:
         problem.relaxation.set_collider(0, problem.contact.collider(outcome.points))
 
 
-def relax_alone(problem: Problem) -> Outcome:
-    """Relaxes the problem of a lone scene."""
-    (outcome,) = relax_items(
+def relax_problem(problem: Problem, on_chunk: Callable[[int, Relaxation], None] | None = None) -> list[Outcome]:
+    """Relaxes the items of a problem; ``on_chunk`` as in ``relax_items``."""
+    return relax_items(
         problem.relaxation,
         problem.certifier,
         problem.goals(),
         follow=collider_updates(problem),
         schedule=problem.schedule,
         crosses=problem.crossing_items,
+        on_chunk=on_chunk,
     )
+
+
+def relax_alone(problem: Problem) -> Outcome:
+    """Relaxes the problem of a lone scene."""
+    (outcome,) = relax_problem(problem)
     return outcome

@@ -25,7 +25,7 @@ from warp_cloth.fitting.warm_start import Worn, chosen_garments, saved_result, s
 from warp_cloth.maps import chosen_colour, chosen_maps, map_summary, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.model.attempt import Patience
-from warp_cloth.model.result import FitResult
+from warp_cloth.model.result import FitResult, LevelRun
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Check
 from warp_cloth.solver.loop import Outcome, relax_to_rest
@@ -128,16 +128,23 @@ def fit(
     problem = load_problem(chosen, device_name, cache=cache, clock=clock)
     if chosen.solver.start == "dressed" and earlier is None:
         report_progress(Progress("dress"))
-    levels = prepare_start(problem, cache) if earlier is None else ()
-    if earlier is not None and not start_from(problem, earlier):
-        place = start if isinstance(start, str | Path) else "start"
-        fault = "its garments have neither the mesh nor the panels of the scene's garments"
-        raise InputError(place, fault, "start from a result of the same pattern, or from none")
+
+    def begin(problem: Problem) -> tuple[LevelRun, ...]:
+        """Brings the garments to where every attempt starts: the earlier result, if there is one."""
+        if earlier is None:
+            return prepare_start(problem, cache)
+        if not start_from(problem, earlier):
+            place = start if isinstance(start, str | Path) else "start"
+            fault = "its garments have neither the mesh nor the panels of the scene's garments"
+            raise InputError(place, fault, "start from a result of the same pattern, or from none")
+        return ()
+
+    levels = begin(problem)
     relax = partial(_relax, frames=frames, progress=progress)
     outcome = relax(problem)
     clock.lap("relax")
     (first,) = finished_runs(problem, [outcome], [levels])
-    course = tried_further(first, relax, cache=cache, clock=clock)
+    course = tried_further(first, begin, relax, cache=cache, clock=clock)
     problem = course.best.problem
     (result,) = finish_fits(problem, [course], clock=clock, frames=frames)
     return Fit.of(_with_maps(result, map_names, problem) if map_names else result)
