@@ -14,7 +14,7 @@ from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.kernels.base.options import Accumulate
+from warp_cloth.kernels.base.options import Accumulate, YarnField
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.math.symmetric import inverse
 from warp_cloth.kernels.passes.step import compliant_descent_function
@@ -126,15 +126,16 @@ def test_threads_drag_across_themselves_by_what_acts_there() -> None:
     step.reach, step.horizon, step.viscosity, step.buckling = 1.0, horizon, viscosity, buckling
     wanted = np.zeros_like(moves)
     weave, points = model.weave, model.points()
-    for corners, slope, law in zip(weave.corners.numpy(), weave.slope.numpy(), weave.law.numpy(), strict=True):
-        for garment, pull in (((1, 0), law[0]), ((0, 1), law[1]), ((1, 1), law[2]), ((1, -1), law[2])):
+    for corners, slope, yarns in zip(weave.corners.numpy(), weave.slope.numpy(), weave.yarns.numpy(), strict=True):
+        weft, warp, shear, compression = (yarns[field] for field in YarnField)
+        for garment, pull in (((1, 0), weft), ((0, 1), warp), ((1, 1), shear), ((1, -1), shear)):
             along = (garment[0] * slope[:2] + garment[1] * slope[2:]) / np.hypot(*garment)
             slopes_of = np.array([-along.sum(), *along])
             thread, change = slopes_of @ points[corners], slopes_of @ moves[corners]
             length, size = np.linalg.norm(thread), np.linalg.norm(change)
             stretch = length - 1.0
-            bound = 2.0 * pull * (1.0 if stretch + size > 0.0 else law[3]) * (abs(stretch) + size)
-            force = pull * (1.0 if stretch > 0.0 else law[3]) * stretch**2
+            bound = 2.0 * pull * (1.0 if stretch + size > 0.0 else compression) * (abs(stretch) + size)
+            force = pull * (1.0 if stretch > 0.0 else compression) * stretch**2
             share = force / (length * bound) + (horizon * size / length) ** 2
             if stretch < 0.0:
                 share = max(share, buckling)

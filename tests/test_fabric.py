@@ -116,8 +116,8 @@ def test_a_stretch_without_a_shear_is_woven_alike_in_every_direction() -> None:
     fabric = resolve_fabric({"base": "cotton", "stretch": 5e3, "bending": 2e-7})
     assert (fabric.stretch_warp, fabric.stretch_weft, fabric.shear) == (5e3, 5e3, fabric.even_shear)
     assert (fabric.bending_warp, fabric.bending_weft) == (2e-7, 2e-7)
-    warp, weft, bias = yarn_stretches(5e3, 5e3, fabric.shear, fabric.compression)
-    assert (warp, weft) == pytest.approx((bias, bias), rel=1e-9)
+    warp, weft, shear = yarn_stretches(5e3, 5e3, fabric.shear, fabric.compression)
+    assert (warp, weft) == pytest.approx((shear, shear), rel=1e-9)
     assert resolve_fabric({"base": "cotton", "stretch": 5e3, "shear": 100}).shear == 100.0
     assert resolve_fabric({"base": "cotton", "stretch_warp": 5e4}).shear == fabric_named("cotton").shear
     assert resolve_fabric({"emt_warp_percent": 5}).shear == Fabric().even_shear  # by the softer weft

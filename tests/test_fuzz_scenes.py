@@ -268,7 +268,7 @@ def test_any_fabric_gives_finite_constants_or_one_line(fabric: dict[str, float],
     mesh = Mesh("sheet", points * [size, size * thinness, size], triangles.astype(np.int32))
     shape = kept(lambda: build_rest_shape(mesh, resolve_fabric(fabric), rest="mesh"))
     if shape is not None:
-        yarns = (shape.yarns.slope, shape.yarns.law) if shape.yarns is not None else ()
+        yarns = (shape.yarns.slope, shape.yarns.packed) if shape.yarns is not None else ()
         constants = (shape.edge_length, shape.edge_pull, shape.edge_push, shape.hinge_stiffness, shape.vertex_weight)
         assert all(np.isfinite(values).all() for values in (*constants, *yarns))
 

@@ -42,7 +42,7 @@ def test_a_painted_garment_equals_the_one_with_angles(tmp_path: Path) -> None:
     by_angle = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(panels={"upper": 90.0}))
     by_image = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(texture=painted(tmp_path / "grain.png")))
     plain = build_rest_shape(mesh, fabric, rest="uv")
-    for name in ("slope", "law"):
+    for name in ("slope", "packed"):
         angle, image = (getattr(rest.yarns, name) for rest in (by_angle, by_image))
         assert image == pytest.approx(angle, abs=HUE_STEP * np.abs(angle).max())
     assert np.abs(by_angle.yarns.slope - plain.yarns.slope).max() > 0.5 * np.abs(plain.yarns.slope).max()
@@ -67,7 +67,7 @@ def test_turning_the_grain_by_a_right_angle_exchanges_warp_and_weft() -> None:
     turned = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(90.0))
     other = build_rest_shape(mesh, exchanged, rest="uv")
     assert turned.hinge_stiffness == pytest.approx(other.hinge_stiffness, rel=1e-9)
-    assert turned.yarns.law[:, [1, 0, 2]] == pytest.approx(other.yarns.law[:, :3], rel=1e-9)
+    assert turned.yarns.packed[:, [1, 0, 2]] == pytest.approx(other.yarns.packed[:, :3], rel=1e-9)
 
 
 def test_what_is_wrong_with_a_grain_is_told(tmp_path: Path) -> None:

@@ -108,5 +108,5 @@ def test_a_sewn_shirt_of_nine_digits_is_the_same_cloth_in_any_unit(shared_data: 
     first, second = (build_rest_shape(mesh, fabric_named("jersey"), rest="uv") for mesh in (metres, centimetres))
     for name in ("edge_length", "edge_pull", "edge_push", "hinge_stiffness", "vertex_weight"):
         assert np.array_equal(getattr(first, name), getattr(second, name))
-    for name in ("triangles", "corners", "slope", "law"):
+    for name in ("triangles", "corners", "slope", "packed"):
         assert np.array_equal(getattr(first.yarns, name), getattr(second.yarns, name))

@@ -12,11 +12,11 @@ from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.elements import garment_elements
 from warp_cloth.garment.rest import RestShape, build_rest_shape
-from warp_cloth.kernels.base.options import CODE_BITS, NUMBER_BITS, SLOTS, WORD_CODE, WORD_LAW, Accumulate, Terms
+from warp_cloth.kernels.base.options import CODE_BITS, NUMBER_BITS, SLOTS, WORD_CODE, WORD_CONSTANTS, Accumulate, Terms
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.model.patches import cutting, on_device
 from warp_cloth.model.patches.cutting import PatchTables, cut_patches, garment_patches
-from warp_cloth.model.patches.triangle_pairs import OUTER_EDGES, assign_edges, find_pairs, with_laws
+from warp_cloth.model.patches.triangle_pairs import OUTER_EDGES, assign_edges, find_pairs, with_constants
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
 BENT = Terms(edges=True, folds=True, yarns=False)
@@ -103,19 +103,19 @@ def test_every_edge_of_a_patch_is_worked_on_once(monkeypatch: pytest.MonkeyPatch
         assert there[asked[asked < count]].all()
 
 
-def test_words_tell_every_edge_its_law_and_patches_have_each_law_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_words_tell_every_edge_its_constants_and_patches_have_each_once(monkeypatch: pytest.MonkeyPatch) -> None:
     tables = cut(grid(30), monkeypatch)
-    rows, law = tables.patch, np.random.default_rng(5).integers(4, size=(len(tables.edge), 2)).astype(np.float32)
-    ends, laws, start, count = with_laws(tables.ends, rows, law)
+    rows, constants = tables.patch, np.random.default_rng(5).integers(4, size=(len(tables.edge), 2)).astype(np.float32)
+    ends, distinct, start, count = with_constants(tables.ends, rows, constants)
     for patch in range(len(count)):
         first, end = rows["edge_start"][patch], rows["edge_start"][patch] + rows["edge_count"][patch]
-        items, own = rows["item_count"][patch], laws[start[patch] : start[patch] + count[patch]]
+        items, own = rows["item_count"][patch], distinct[start[patch] : start[patch] + count[patch]]
         assert len(np.unique(own, axis=0)) == len(own)
         third = ends[first + (SLOTS - 1) * items : first + SLOTS * items]
         words = [*(third >> np.uint64(NUMBER_BITS * slot) for slot in range(SLOTS)), ends[first + SLOTS * items : end]]
-        words[-1] = words[-1] >> np.uint64(WORD_LAW)
+        words[-1] = words[-1] >> np.uint64(WORD_CONSTANTS)
         told = np.concatenate(words) & np.uint64((1 << NUMBER_BITS) - 1)
-        assert (own[told] == law[first:end]).all()
+        assert (own[told] == constants[first:end]).all()
 
 
 def test_pairs_count_as_one_of_their_vertices_does(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ WORD_CODE, CODE_BITS = 44, 5  # of the first word: which side each edge is that 
 WORD_REVERSED, REVERSED_BITS = 40, 3  # of the second word: whose torque is negated, of each triangle's sides
 WORD_BEGIN, BEGIN_BITS = 46, 2  # and at which corner the mesh begins each triangle
 WORD_ACROSS = 54  # of both: the triangle across one of those edges
-WORD_LAW = 40  # of an edge that no thread takes: number of its law
+WORD_CONSTANTS = 40  # of an edge that no thread takes: number of its constants
 SIDE_BC, SIDE_CA, SIDE_AD, SIDE_DB, SIDE_AB = 1, 2, 3, 4, 5  # which side an edge is; 0: there is no edge
 CODE_BACK, CODE_AFTER = 8, 16  # it runs against its triangle's winding; that is the hinge's second one
 RANKS = 8  # edges or triangles at a vertex that one vec4i packs
@@ -56,6 +56,33 @@ class Accumulate(enum.Enum):
     def is_bound(self) -> bool:
         """Whether it is a bound of the stiffness."""
         return self in (Accumulate.STIFFNESS, Accumulate.ANISOTROPIC_STIFFNESS)
+
+
+class SpringField(enum.IntEnum):
+    """Where a figure of an edge stands in ``Edges.spring`` and ``Patches.edge_constants`` (kernels.base.types)."""
+
+    LENGTH = 0  # at rest [m]
+    PULL = 1  # stiffness while it is stretched [N/m2]
+    PUSH = 2  # while it is shortened [N/m2]
+    HINGE = 3  # C of its hinge [N m]; of ``edge_constants``
+
+
+class YarnField(enum.IntEnum):
+    """Where a figure of a woven triangle stands in ``Weave.yarns``, ``Triangles.yarns`` and ``Patches.yarns``."""
+
+    WEFT = 0  # area times stiffness K of the weft [N m]
+    WARP = 1  # of the warp
+    SHEAR = 2  # of each of the two bias yarns, which bear the fabric's ``shear``
+    COMPRESSION = 3  # stiffness while they are shortened, as a fraction of that while they are stretched
+
+
+class FabricField(enum.IntEnum):
+    """Where a figure of a vertex' fabric stands in ``ContactModel.fabric`` (kernels.contact.arrays)."""
+
+    THICKNESS = 0  # [m]
+    SQUEEZE_MODULUS = 1  # [N/m]
+    FRICTION = 2
+    UNUSED = 3  # four are read by one 16-byte load
 
 
 class Terms(NamedTuple):

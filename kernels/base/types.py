@@ -34,8 +34,8 @@ class Patch:
     item: int  # that it belongs to
     edge_start: int
     edge_count: int
-    law_start: int
-    law_count: int  # of its edges' laws, each once, where threads compute pairs of triangles
+    constants_start: int
+    constants_count: int  # of its edges' constants, each once, where threads compute pairs of triangles
     triangle_start: int
     triangle_count: int  # those at its vertices, which come first
     normal_count: int  # and those beyond its edges
@@ -128,7 +128,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         """E edges; hinges only where cloth bends, ``rest`` only where it is not flat at rest."""
 
         ends: wp.array(dtype=wp.vec2i)
-        law: wp.array(dtype=vec3)  # rest length [m], pull [N/m2], push [N/m2]
+        spring: wp.array(dtype=vec3)  # of options.SpringField
         adjacent_triangles: wp.array(dtype=wp.vec2i)  # both; the edge runs as the first is wound
         hinge_stiffness: wp.array(
             dtype=real
@@ -142,7 +142,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         corners: wp.array(dtype=wp.vec3i)
         edges: wp.array(dtype=wp.vec3i)  # opposite to each corner; -1 - edge where its torque is negated
         slope: wp.array(dtype=vec4)  # as Weave.slope; zero where there are no yarns
-        yarns: wp.array(dtype=vec4)  # as Weave.law
+        yarns: wp.array(dtype=vec4)  # as Weave.yarns
 
     @wp.struct
     class Rows:
@@ -167,7 +167,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
         corners: wp.array(dtype=wp.vec3i)
         slope: wp.array(dtype=vec4)  # of the second and third corner along weft, then along warp [1/m]
-        law: wp.array(dtype=vec4)  # area times pull of weft, warp and bias yarns [N m], and c
+        yarns: wp.array(dtype=vec4)  # of options.YarnField
 
     @wp.struct
     class Span:
@@ -198,13 +198,13 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
         A uint64 packs four of them, a vec4i eight. The slots that a vertex sums are interleaved: the first eight of
         each vertex, then the next eight; padded with slots that hold zero. Where a thread computes a pair of triangles
-        ``ends`` and ``law`` are as in warp_cloth.model.patches.triangle_pairs.
+        ``ends`` and ``edge_constants`` are as in warp_cloth.model.patches.triangle_pairs.
         """
 
         patch: wp.array(dtype=wp.vec4i)  # as Patch
         vertex: wp.array(dtype=wp.int32)  # of all garments; of each patch those that it owns first
         ends: wp.array(dtype=wp.uint64)  # of an edge, and its two triangles
-        law: wp.array(dtype=vec4)  # as Edges.law and Edges.hinge_stiffness; where there are edges
+        edge_constants: wp.array(dtype=vec4)  # of options.SpringField; where there are edges
         hinge_stiffness: wp.array(dtype=real)  # as Edges.hinge_stiffness, where there are folds only
         rest: wp.array(dtype=vec2)  # as Edges.rest
         corners: wp.array(dtype=wp.uint64)  # of a triangle

@@ -7,8 +7,8 @@ import warp as wp
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
 from warp_cloth.kernels.laws.energy import bending_energy, tension_energy, yarn_energy
 from warp_cloth.kernels.laws.hinge import hinge_normals, rotated_back
-from warp_cloth.kernels.laws.tension import edge_law
-from warp_cloth.kernels.laws.yarn import bias_vectors, warp_vector, weft_vector, yarn_law
+from warp_cloth.kernels.laws.tension import spring_constants
+from warp_cloth.kernels.laws.yarn import bias_vectors, warp_vector, weft_vector, yarn_constants
 
 
 @functools.cache
@@ -26,7 +26,7 @@ def measure_tension_kernel(precision: str) -> wp.Kernel:
     ):
         """Energy and strain of each edge."""
         edge = wp.tid()
-        rest, pull, push = edge_law(edges.law[edge])
+        rest, pull, push = spring_constants(edges.spring[edge])
         length = wp.length(difference(state.position[edges.ends[edge][1]], state.position[edges.ends[edge][0]]))
         energy_out[edge] = wp.float64(tension_energy(length - rest, pull, push))
         strain_out[edge] = (length - rest) / rest
@@ -50,7 +50,7 @@ def measure_weave_kernel(precision: str) -> wp.Kernel:
         """Energy and stretches of each woven triangle."""
         triangle = wp.tid()
         corners = weave.corners[triangle]
-        weft_pull, warp_pull, shear_pull, compression = yarn_law(weave.law[triangle])
+        weft_pull, warp_pull, shear_pull, compression = yarn_constants(weave.yarns[triangle])
         slope = weave.slope[triangle]
         side_1 = difference(state.position[corners[1]], state.position[corners[0]])
         side_2 = difference(state.position[corners[2]], state.position[corners[0]])

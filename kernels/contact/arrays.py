@@ -10,6 +10,7 @@ import warp as wp
 
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.block import CACHE_LINE
+from warp_cloth.kernels.base.options import FabricField
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.contact.closest_points import NOTHING, on_edges_function, on_triangle_function
 from warp_cloth.kernels.math.real import inner, root, scaled_sum
@@ -42,7 +43,7 @@ class ContactModel:
     """Constants of the garments; V vertices."""
 
     thickness: wp.array(dtype=wp.float32)  # [m], shape [V]
-    fabric: wp.array(dtype=wp.vec4f)  # packed, for one 16-byte load: see ``unpacked_fabric``, shape [V]
+    fabric: wp.array(dtype=wp.vec4f)  # of options.FabricField, shape [V]
     thickest: wp.float64  # greatest thickness [m]
     least_skin: wp.float64  # least search margin: of a vertex at rest [m]
     most_skin: wp.float64  # greatest search margin [m]
@@ -133,11 +134,11 @@ class ContactFabric:
 
 @wp.func
 def unpacked_fabric(packed: wp.vec4f):
-    """The fabric of ``ContactModel.fabric``: thickness [m], squeeze modulus [N/m], friction, 0."""
+    """An element of ``ContactModel.fabric``."""
     fabric = ContactFabric()
-    fabric.thickness = packed[0]
-    fabric.squeeze_modulus = packed[1]
-    fabric.friction = packed[2]
+    fabric.thickness = packed[FabricField.THICKNESS]
+    fabric.squeeze_modulus = packed[FabricField.SQUEEZE_MODULUS]
+    fabric.friction = packed[FabricField.FRICTION]
     return fabric
 
 

@@ -15,7 +15,7 @@ from warp_cloth.kernels.laws.bending import SHORTEST, hinge_torque
 from warp_cloth.kernels.laws.hinge import rotated_back
 from warp_cloth.kernels.laws.tension import (
     damped_change,
-    edge_law,
+    spring_constants,
     tension_force,
     tension_stiffness,
     transverse_fraction,
@@ -86,9 +86,9 @@ def edge_functions(precision: str, accumulate: Accumulate, angles: bool, lanes: 
     Span, exact = span_type(precision, lanes), takes_exact_stretch(precision, accumulate)
 
     @wp.func
-    def edge_load(span: Span, law: vec3, step: Step):
+    def edge_load(span: Span, spring: vec3, step: Step):
         """Load of an edge's tension on its first end; on the second the force is the opposite."""
-        rest, pull, push = edge_law(law)
+        rest, pull, push = spring_constants(spring)
         stretch = span.length - rest
         if wp.static(exact):
             # r - L = (r^2 - L^2) / (r + L)

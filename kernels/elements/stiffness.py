@@ -13,8 +13,8 @@ import warp as wp
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
 from warp_cloth.kernels.laws.bending import THINNEST
 from warp_cloth.kernels.laws.hinge import hinge_normals, rotated_back
-from warp_cloth.kernels.laws.tension import edge_law, tension_force, tension_stiffness
-from warp_cloth.kernels.laws.yarn import DIAGONAL, warp_vector, weft_vector, yarn_law, yarn_of
+from warp_cloth.kernels.laws.tension import spring_constants, tension_force, tension_stiffness
+from warp_cloth.kernels.laws.yarn import DIAGONAL, warp_vector, weft_vector, yarn_constants, yarn_of
 from warp_cloth.kernels.math.symmetric import matrix_type, multiple_of_unit, outer, symmetric_matrix_functions
 
 
@@ -117,7 +117,6 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
         triangle = wp.tid()
         corners = weave.corners[triangle]
         slope = weave.slope[triangle]
-        law = weave.law[triangle]
         origin = state.position[corners[0]]
         side_1 = difference(state.position[corners[1]], origin)
         side_2 = difference(state.position[corners[2]], origin)
@@ -125,7 +124,7 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
         last = state.displacement[corners[0]]
         change_1, change_2 = state.displacement[corners[1]] - last, state.displacement[corners[2]] - last
         weft_change, warp_change = weft_vector(slope, change_1, change_2), warp_vector(slope, change_1, change_2)
-        weft_pull, warp_pull, shear_pull, compression = yarn_law(law)
+        weft_pull, warp_pull, shear_pull, compression = yarn_constants(weave.yarns[triangle])
         first = vec6()
         second = vec6()
         third = vec6()
@@ -171,7 +170,7 @@ def couple_pairs_kernel(precision: str) -> wp.Kernel:
         edge = pairs.edge[pair]
         if edge >= 0:
             ends = edges.ends[edge]
-            rest, pull, push = edge_law(edges.law[edge])
+            rest, pull, push = spring_constants(edges.spring[edge])
             d = difference(state.position[ends[1]], state.position[ends[0]])
             change = state.displacement[ends[1]] - state.displacement[ends[0]]
             s = spring_stiffness(d, change, rest, pull, push, reach)

@@ -124,7 +124,7 @@ def corner_function(precision: str, accumulate: Accumulate, terms: Terms, lanes:
 
     @wp.func
     def corner_loads(
-        normal: vec4, fold_0: vec3, fold_1: vec3, fold_2: vec3, sides: Sides, slope: vec4, law: vec4, step: Step
+        normal: vec4, fold_0: vec3, fold_1: vec3, fold_2: vec3, sides: Sides, slope: vec4, yarns: vec4, step: Step
     ):
         """Loads of the corners: of the triangle's yarns, then of the hinges of its sides."""
         first = vec4()
@@ -135,7 +135,7 @@ def corner_function(precision: str, accumulate: Accumulate, terms: Terms, lanes:
             if wp.static(takes_exact_stretch(precision, accumulate)):
                 excess = exact_excess(sides, slope)
             force_0, force_1, force_2, more = yarn_loads(
-                sides.side_1, sides.side_2, excess, sides.change_1, sides.change_2, slope, law, step
+                sides.side_1, sides.side_2, excess, sides.change_1, sides.change_2, slope, yarns, step
             )
             first = with_fourth(force_0, component(more, 0))
             second = with_fourth(force_1, component(more, 1))
@@ -251,7 +251,7 @@ def yarn_function(precision: str, accumulate: Accumulate, lanes: int = 1) -> wp.
 
     @wp.func
     def yarn_loads(
-        side_1: vec3, side_2: vec3, excess: vec4, change_1: vec3, change_2: vec3, slope: vec4, law: vec4, step: Step
+        side_1: vec3, side_2: vec3, excess: vec4, change_1: vec3, change_2: vec3, slope: vec4, yarns: vec4, step: Step
     ):
         """Forces of the four yarns on the corners, and the corners' bounds or magnitudes.
 
@@ -266,7 +266,7 @@ def yarn_function(precision: str, accumulate: Accumulate, lanes: int = 1) -> wp.
             weft_change = weft_vector(slope, change_1, change_2)
             warp_change = warp_vector(slope, change_1, change_2)
             change = yarn_squares(weft_change, warp_change)
-        pull, push = yarn_stiffness(law)
+        pull, push = yarn_stiffness(yarns)
         length, one = root(square), vec4(real(1.0))
         stretch = length - one
         if wp.static(takes_exact_stretch(precision, accumulate)):

@@ -11,6 +11,7 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.base.options import SpringField
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
 from warp_cloth.kernels.math.packet import absolute, component, dot, maximum, minimum, where_greater
 from warp_cloth.kernels.math.real import single, where_positive
@@ -19,9 +20,13 @@ SHORTEST = wp.constant(single(1.0e-20))  # of what collapsed cloth would divide 
 
 
 @wp.func
-def edge_law(law: Any):
+def spring_constants(spring: Any):
     """Rest length [m], pull and push [N/m2] of an edge."""
-    return component(law, 0), component(law, 1), component(law, 2)
+    return (
+        component(spring, SpringField.LENGTH),
+        component(spring, SpringField.PULL),
+        component(spring, SpringField.PUSH),
+    )
 
 
 @wp.func

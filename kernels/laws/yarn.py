@@ -17,6 +17,7 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.base.options import YarnField
 from warp_cloth.kernels.laws.tension import tension_stiffness
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * below call for packets
 from warp_cloth.kernels.math.packet import absolute, component, maximum, minimum, vector4
@@ -28,16 +29,16 @@ DIAGONAL = wp.constant(0.5**0.5)  # of weft and warp in a bias
 
 
 @wp.func
-def yarn_law(law: Any):
+def yarn_constants(yarns: Any):
     """Area times stiffness K A [J] of the weft, the warp and each bias (``shear``), and the compression factor c."""
-    weft, warp, shear, compression = component(law, 0), component(law, 1), component(law, 2), component(law, 3)
-    return weft, warp, shear, compression
+    weft, warp = component(yarns, YarnField.WEFT), component(yarns, YarnField.WARP)
+    return weft, warp, component(yarns, YarnField.SHEAR), component(yarns, YarnField.COMPRESSION)
 
 
 @wp.func
-def yarn_stiffness(law: Any):
+def yarn_stiffness(yarns: Any):
     """K A of the four yarns where they are stretched (pull) and where they are shortened (push = c pull) [J]."""
-    weft, warp, shear, compression = yarn_law(law)
+    weft, warp, shear, compression = yarn_constants(yarns)
     pull = vector4(weft, warp, shear, shear)
     return pull, pull * vector4(compression, compression, compression, compression)
 

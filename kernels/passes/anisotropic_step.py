@@ -19,7 +19,7 @@ from warp_cloth.kernels.base.active_set import active_element
 from warp_cloth.kernels.base.options import Accumulate, Terms
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, rest_function
 from warp_cloth.kernels.elements.edge import edge_functions
-from warp_cloth.kernels.laws.tension import edge_law, tension_force, tension_stiffness, transverse_fraction
+from warp_cloth.kernels.laws.tension import spring_constants, tension_force, tension_stiffness, transverse_fraction
 from warp_cloth.kernels.laws.yarn import (
     slope_fractions,
     warp_vector,
@@ -47,9 +47,9 @@ from warp_cloth.kernels.patches.packing import order_functions
 
 
 @wp.func
-def edge_bound(side: Any, change: Any, law: Any, reach: Any, horizon: Any):
-    """Stiffness bound of an edge as a matrix [N/m], and its size; law is its length at rest, pull and push."""
-    rest, pull, push = edge_law(law)
+def edge_bound(side: Any, change: Any, spring: Any, reach: Any, horizon: Any):
+    """Stiffness bound of an edge as a matrix [N/m], and its size; ``spring`` as Edges.spring."""
+    rest, pull, push = spring_constants(spring)
     length, size = wp.length(side), wp.length(change)
     stretch = length - rest
     stiffness = tension_stiffness(stretch, pull, push, reach * size)
@@ -60,12 +60,14 @@ def edge_bound(side: Any, change: Any, law: Any, reach: Any, horizon: Any):
 
 
 @wp.func
-def yarn_bounds(side_1: Any, side_2: Any, change_1: Any, change_2: Any, slope: Any, law: Any, reach: Any, horizon: Any):
+def yarn_bounds(
+    side_1: Any, side_2: Any, change_1: Any, change_2: Any, slope: Any, yarns: Any, reach: Any, horizon: Any
+):
     """What weft and warp have become, bounds of the four yarns [J], what acts across, inverses of lengths."""
     weft, warp = weft_vector(slope, side_1, side_2), warp_vector(slope, side_1, side_2)
     square = yarn_squares(weft, warp)
     change = yarn_squares(weft_vector(slope, change_1, change_2), warp_vector(slope, change_1, change_2))
-    pull, push = yarn_stiffness(law)
+    pull, push = yarn_stiffness(yarns)
     length = root(square)
     tension, bound = yarn_tension(length, length - type(length)(1.0), change, pull, push, reach)
     fraction, inverse_length = yarn_transverse_fractions(square, change, tension, bound, horizon)
@@ -218,7 +220,7 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
                 ends = element(edges.ends, edge)
                 side = difference(position_at(state, ends[1]), position_at(state, ends[0]))
                 change = displacement_at(state, ends[1]) - displacement_at(state, ends[0])
-                more, size = edge_bound(side, change, element(edges.law, edge), step.reach, step.horizon)
+                more, size = edge_bound(side, change, element(edges.spring, edge), step.reach, step.horizon)
                 matrix += more
                 total += size
         if wp.static(terms.folds or terms.yarns):
@@ -231,11 +233,11 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
                     matrix += multiple_of_unit(size)
                     total += size
                 if wp.static(terms.yarns):
-                    slope, law = element(triangles.slope, triangle), element(triangles.yarns, triangle)
+                    slope, yarns = element(triangles.slope, triangle), element(triangles.yarns, triangle)
                     sides = sides_of(state, element(triangles.corners, triangle))
                     weft, warp, bounds, fraction, inverse_length = yarn_bounds(
                         sides.side_1, sides.side_2, sides.change_1, sides.change_2,
-                        slope, law, step.reach, step.horizon,
+                        slope, yarns, step.reach, step.horizon,
                     )  # fmt: skip
                     more, size = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, corner)
                     matrix += more

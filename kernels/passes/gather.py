@@ -204,7 +204,7 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
     two_vertices, read_vertices = vertices.two_vertices, vertices.read_vertices
     load_item, work_item_normals = item_functions(precision, fits).load_item, item_normals_step(options)
     pairs = item_edges_step(options)
-    load_laws, work_item_edges = pairs.load_laws, pairs.work_item_edges
+    load_constants, work_item_edges = pairs.load_constants, pairs.work_item_edges
     work_normals, work_other_edges = normals_step(options), edges_step(options)
     edge_table = edge_table_functions(options).edge_table
     work_item_corners, work_triangles = item_corners_step(options), triangles_step(options)
@@ -228,7 +228,7 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
         fetch_tables(context.patches, context.patch)
         asked, item = PatchItem(), PatchItem()
         corner_word = wp.uint64(0)
-        end_word, law = wp.uint64(0), vec4()
+        end_word, constants = wp.uint64(0), vec4()
         if wp.static(terms.folds):
             other = wp.min(first_triangle(context.patch, context.lane), context.patch.normal_count)
             corner_word = element(context.patches.corners, context.patch.triangle_start + other)
@@ -236,7 +236,7 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
             asked = load_item(context.patches, context.patch, context.lane)
         read_vertices(context, state, first, second)
         if wp.static((terms.folds or terms.edges) and not paired):
-            end_word, law = edge_table(context.patches, context.patch, context.lane)
+            end_word, constants = edge_table(context.patches, context.patch, context.lane)
         if wp.static(options.packed and paired):
             if fetches(NEXT_WARP):
                 fetch_next(context.patches, state, soon)
@@ -246,7 +246,7 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
         if wp.static(terms.folds):
             work_normals(context, corner_word)
         if wp.static(paired and fits):
-            item = load_laws(context.patches, context.patch, item)
+            item = load_constants(context.patches, context.patch, item)
         sides, corners = wp.uint64(0), wp.uint64(0)
         if wp.static(not paired):
             triangle = context.patch.triangle_start + wp.min(context.lane, context.patch.normal_count)
@@ -256,9 +256,9 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
         if wp.static(paired):
             item = work_item_edges(context, item)
             edge = wp.static(SLOTS) * context.patch.item_count + last_first(context.lane)
-            end_word, law = edge_table(context.patches, context.patch, edge)
+            end_word, constants = edge_table(context.patches, context.patch, edge)
         if wp.static(terms.folds or terms.edges):
-            work_other_edges(context, end_word, law)
+            work_other_edges(context, end_word, constants)
         work = PatchWork()
         work.item = item
         work.sides = sides

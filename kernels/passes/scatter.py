@@ -135,7 +135,7 @@ def edges_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: in
         first = first_of(number, edges.ends.shape[0])
         span = span_of(state, edges.ends, first)
         if wp.static(terms.edges):
-            own = edge_load(span, load(edges.law, first), step)
+            own = edge_load(span, load(edges.spring, first), step)
             back = vector4(-component(own, 0), -component(own, 1), -component(own, 2), component(own, 3))
             add_to(load_out, edges.ends, first, some, own, back)
         if wp.static(terms.folds):
@@ -231,16 +231,16 @@ def triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes
         if some == 0:
             return
         first = first_of(number, triangles.corners.shape[0])
-        slope, law, sides = packets.vec4(), packets.vec4(), Sides()
+        slope, yarns, sides = packets.vec4(), packets.vec4(), Sides()
         if wp.static(terms.yarns):
-            slope, law = load(triangles.slope, first), load(triangles.yarns, first)
+            slope, yarns = load(triangles.slope, first), load(triangles.yarns, first)
             sides = sides_of(state, triangles.corners, side, number, first)
         own, fold_0, fold_1, fold_2 = packets.vec4(), packets.vec3(), packets.vec3(), packets.vec3()
         if wp.static(terms.folds):
             own = load(normal, first)
             fold_0, fold_1 = side_fold(fold, triangles.edges, first, 0), side_fold(fold, triangles.edges, first, 1)
             fold_2 = side_fold(fold, triangles.edges, first, 2)
-        on_0, on_1, on_2 = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, law, step)
+        on_0, on_1, on_2 = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, yarns, step)
         add_to(load_out, triangles.corners, first, some, on_0, on_1, on_2)
 
     return add_triangles

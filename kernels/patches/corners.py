@@ -105,11 +105,11 @@ def corners_function(options: KernelOptions) -> wp.Function:
         fold_2: vec3,
     ):
         """What yarns of a triangle and hinges of its sides do to its corners."""
-        slope, law = vec4(), vec4()
+        slope, yarns = vec4(), vec4()
         if wp.static(terms.yarns):
             at = context.patch.triangle_start + triangle
-            slope, law = element(context.patches.slope, at), element(context.patches.yarns, at)
-        first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, law, context.step)
+            slope, yarns = element(context.patches.slope, at), element(context.patches.yarns, at)
+        first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, yarns, context.step)
         others = context.memory.corner_load + wp.static(size_4) * (corner_stride(context.patch) + triangle)
         write_4(context.overflow, context.memory.corner_load + wp.static(size_4) * triangle, first)
         write_4(context.overflow, others, second)

@@ -45,8 +45,8 @@ def patch_of(patches: wp.array(dtype=wp.vec4i), number: int):
     patch.item = one[3]
     patch.edge_start = two[0]
     patch.edge_count = two[1]
-    patch.law_start = two[2]
-    patch.law_count = two[3]
+    patch.constants_start = two[2]
+    patch.constants_count = two[3]
     patch.triangle_start = three[0]
     patch.triangle_count = three[1]
     patch.normal_count = three[2]
@@ -188,9 +188,9 @@ def fetch_function(options: KernelOptions) -> wp.Function:
         if wp.static(terms.folds or terms.edges):
             fetch_ahead(patches.ends, patch.edge_start, patch.edge_count, 1)
         if wp.static(terms.edges):
-            fetch_ahead(patches.law, patch.law_start, patch.law_count, 0)
+            fetch_ahead(patches.edge_constants, patch.constants_start, patch.constants_count, 0)
         if wp.static(terms.folds and not terms.edges):
-            fetch_ahead(patches.hinge_stiffness, patch.law_start, patch.law_count, 5)
+            fetch_ahead(patches.hinge_stiffness, patch.constants_start, patch.constants_count, 5)
         if wp.static(terms.folds and not paired):
             fetch_ahead(patches.sides, patch.triangle_start, patch.triangle_count, 5)
         if wp.static(terms.yarns):

@@ -10,7 +10,15 @@ import warp as wp
 
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.block import block_threads, memory_functions, threads_function
-from warp_cloth.kernels.base.options import NUMBER_BITS, SLOTS, WORD_LAW, Accumulate, KernelOptions, fold_numbers
+from warp_cloth.kernels.base.options import (
+    NUMBER_BITS,
+    SLOTS,
+    WORD_CONSTANTS,
+    Accumulate,
+    KernelOptions,
+    SpringField,
+    fold_numbers,
+)
 from warp_cloth.kernels.base.types import Patch, cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.elements.edge import edge_functions
 from warp_cloth.kernels.elements.triangle import triangle_functions
@@ -180,30 +188,35 @@ def normals_step(options: KernelOptions) -> wp.Function:
 
 @functools.cache
 def edge_table_functions(options: KernelOptions) -> SimpleNamespace:
-    """Functions ``law_at`` and ``edge_table``."""
+    """Functions ``constants_at``, ``constants_of`` and ``edge_table``."""
     types, terms, paired = cloth_types(options.precision), options.terms, options.paired
 
     @wp.func
-    def law_at(patches: types.Patches, at: int):
-        """How an edge pulls (Edges.law), and as the fourth component the stiffness of its hinge."""
-        law = types.vec4()
+    def constants_at(patches: types.Patches, at: int):
+        """The constants of an edge and its hinge (options.SpringField)."""
+        constants = types.vec4()
         if wp.static(terms.edges):
-            law = element(patches.law, at)
+            constants = element(patches.edge_constants, at)
         if wp.static(terms.folds and not terms.edges):
-            law = types.vec4(types.real(0.0), types.real(0.0), types.real(0.0), element(patches.hinge_stiffness, at))
-        return law
+            constants[SpringField.HINGE] = element(patches.hinge_stiffness, at)
+        return constants
+
+    @wp.func
+    def constants_of(patches: types.Patches, patch: Patch, number: int):
+        """The constants of a patch that have this number; beyond the last, any."""
+        return constants_at(patches, patch.constants_start + wp.min(number, patch.constants_count))
 
     @wp.func
     def edge_table(patches: types.Patches, patch: Patch, local: int):
-        """An edge's word, and ``law_at``; beyond the last edge, any."""
+        """An edge's word, and its constants; beyond the last edge, any."""
         at = patch.edge_start + wp.min(local, patch.edge_count)
         word = element(patches.ends, at)
         if wp.static(paired):
-            law = bits_of(word, wp.static(WORD_LAW), wp.static(NUMBER_BITS))
-            at = patch.law_start + wp.min(law, patch.law_count)
-        return word, law_at(patches, at)
+            return word, constants_of(patches, patch, bits_of(word, wp.static(WORD_CONSTANTS), wp.static(NUMBER_BITS)))
+        else:
+            return word, constants_at(patches, at)
 
-    return SimpleNamespace(law_at=law_at, edge_table=edge_table)
+    return SimpleNamespace(constants_at=constants_at, constants_of=constants_of, edge_table=edge_table)
 
 
 @functools.cache
@@ -246,7 +259,7 @@ def edge_functions_of_patch(options: KernelOptions) -> SimpleNamespace:
         side: vec3,
         normal_0: vec4,
         normal_1: vec4,
-        law: vec4,
+        constants: vec4,
     ):
         """Tension of an edge between two vertices, and two triangles with these normals; returns its hinge."""
         move_0 = vec4()
@@ -258,15 +271,14 @@ def edge_functions_of_patch(options: KernelOptions) -> SimpleNamespace:
         if wp.static(exact):
             span.exact = point_at(context, second) - point_at(context, first)
         if wp.static(terms.edges):
-            load = edge_load(span, first_three(law), context.step)
+            load = edge_load(span, first_three(constants), context.step)
             write_4(context.overflow, context.memory.edge_load + wp.static(4 * types.real_size) * local, load)
         fold = vec3()
         if wp.static(terms.folds):
             rest = vec2()
             if wp.static(terms.angles):
                 rest = element(context.patches.rest, context.patch.edge_start + local)
-            hinge_stiffness = law[3]  # of ``law_at``
-            fold = edge_fold(span, normal_0, normal_1, hinge_stiffness, rest, context.step)
+            fold = edge_fold(span, normal_0, normal_1, constants[SpringField.HINGE], rest, context.step)
         return fold
 
     @wp.func
@@ -297,23 +309,23 @@ def edges_step(options: KernelOptions) -> wp.Function:
     difference = difference_function(precision)
 
     @wp.func
-    def work_edges(context: Context, first_word: wp.uint64, first_law: vec4):
+    def work_edges(context: Context, first_word: wp.uint64, first_constants: vec4):
         """Tensions and hinges of the patch's edges; the last two are of the thread's first edge."""
         local = int(context.lane)
         if wp.static(paired):
             local = wp.static(SLOTS) * context.patch.item_count + last_first(context.lane)
-        next_word, next_law = first_word, first_law
+        next_word, next_constants = first_word, first_constants
         while local < context.patch.edge_count:
-            word, law = next_word, next_law
+            word, constants = next_word, next_constants
             if local + block_threads() < context.patch.edge_count:
-                next_word, next_law = edge_table(context.patches, context.patch, local + block_threads())
+                next_word, next_constants = edge_table(context.patches, context.patch, local + block_threads())
             first, second, one, other = ends_of(word)
             side = difference(point_at(context, second), point_at(context, first))
             normal_0, normal_1 = vec4(), vec4()
             if wp.static(terms.folds):
                 normal_0 = read_4(context.overflow, context.memory.normal + wp.static(4 * types.real_size) * one)
                 normal_1 = read_4(context.overflow, context.memory.normal + wp.static(4 * types.real_size) * other)
-            fold = work_edge(context, local, first, second, side, normal_0, normal_1, law)
+            fold = work_edge(context, local, first, second, side, normal_0, normal_1, constants)
             put_fold(context, local, fold)
             local += block_threads()
         if wp.static(terms.edges):

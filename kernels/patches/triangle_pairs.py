@@ -52,12 +52,12 @@ def item_type(precision: str) -> type:
     class PatchItem:
         """An item, its triangles' sides as these are wound [m] and their normals (``triangle_normal``)."""
 
-        vertices: wp.uint64  # two of its words, the third is ``laws``
+        vertices: wp.uint64  # two of its words, the third is ``constants``
         sides: wp.uint64
-        laws: wp.uint64
-        last_law: int  # which of its patch's laws the second of them has
-        law: types.vec4  # of the edge that its triangles share
-        first_law: types.vec4  # and of the first of the others that it takes
+        constants: wp.uint64
+        last_constants: int  # where those are of the last edge that it takes
+        shared_constants: types.vec4  # of the edge that its triangles share
+        first_constants: types.vec4  # and of the first of the others that it takes
         side_ab: types.vec3
         side_bc: types.vec3
         side_ca: types.vec3
@@ -91,7 +91,7 @@ def item_functions(precision: str, fits: bool) -> SimpleNamespace:
         item = PatchItem()
         item.vertices = element(patches.ends, at)
         item.sides = element(patches.ends, at + patch.item_count)
-        item.laws = element(patches.ends, at + wp.static(SLOTS - 1) * patch.item_count)
+        item.constants = element(patches.ends, at + wp.static(SLOTS - 1) * patch.item_count)
         return item
 
     @wp.func
@@ -108,7 +108,7 @@ def item_functions(precision: str, fits: bool) -> SimpleNamespace:
         item = PatchItem()
         item.vertices = loaded.vertices
         item.sides = loaded.sides
-        item.laws = loaded.laws
+        item.constants = loaded.constants
         a = point_at(context, number_of(item.vertices, 0))
         b = point_at(context, number_of(item.vertices, 1))
         c = point_at(context, number_of(item.vertices, 2))
@@ -182,7 +182,7 @@ def item_normals_step(options: KernelOptions) -> wp.Function:
 
 @functools.cache
 def item_edges_step(options: KernelOptions) -> SimpleNamespace:
-    """Functions ``load_laws`` and ``work_item_edges``."""
+    """Functions ``load_constants`` and ``work_item_edges``."""
     precision, fits = options.precision, options.fits
     types, Context = cloth_types(precision), context_type(precision)
     vec4, Patches, PatchItem = types.vec4, types.Patches, item_type(precision)
@@ -190,18 +190,19 @@ def item_edges_step(options: KernelOptions) -> SimpleNamespace:
     load_item, measure_item, item_side = functions.load_item, functions.measure_item, functions.item_side
     edge = edge_functions_of_patch(options)
     work_edge, put_fold = edge.work_edge, edge.put_fold
-    law_at = edge_table_functions(options).law_at
+    tables = edge_table_functions(options)
+    constants_at, constants_of = tables.constants_at, tables.constants_of
 
     @wp.func
-    def load_laws(patches: Patches, patch: Patch, item: PatchItem):
+    def load_constants(patches: Patches, patch: Patch, item: PatchItem):
         """An item, and how the first of its edges pull and bend."""
-        item.law = law_at(patches, patch.law_start + wp.min(number_of(item.laws, 0), patch.law_count))
-        item.first_law = law_at(patches, patch.law_start + wp.min(number_of(item.laws, 1), patch.law_count))
-        item.last_law = patch.law_start + wp.min(number_of(item.laws, 2), patch.law_count)
+        item.shared_constants = constants_of(patches, patch, number_of(item.constants, 0))
+        item.first_constants = constants_of(patches, patch, number_of(item.constants, 1))
+        item.last_constants = patch.constants_start + wp.min(number_of(item.constants, 2), patch.constants_count)
         return item
 
     @wp.func
-    def taken_edge(context: Context, local: int, item: PatchItem, code: int, beyond: int, law: vec4):
+    def taken_edge(context: Context, local: int, item: PatchItem, code: int, beyond: int, constants: vec4):
         """An edge that an item takes, and the triangle beyond; where it takes none, nobody reads the result."""
         which = code & 7
         on_second = which == wp.static(SIDE_AD) or which == wp.static(SIDE_DB)
@@ -210,28 +211,28 @@ def item_edges_step(options: KernelOptions) -> SimpleNamespace:
         after = (code & wp.static(CODE_AFTER)) != 0
         one, other = wp.where(after, across, own), wp.where(after, own, across)
         side, first, second = item_side(item, code)
-        fold = work_edge(context, local, first, second, side, one, other, law)
+        fold = work_edge(context, local, first, second, side, one, other, constants)
         put_fold(context, local, fold)
 
     @wp.func
     def edges_of(context: Context, local: int, item: PatchItem):
         """Tensions and hinges of an item's edges; returns the shared one's hinge, or any where there is none."""
-        law = law_at(context.patches, item.last_law)
+        last_constants = constants_at(context.patches, item.last_constants)
         a, b = number_of(item.vertices, 0), number_of(item.vertices, 1)
-        fold = work_edge(context, local, a, b, item.side_ab, item.normal_0, item.normal_1, item.law)
+        fold = work_edge(context, local, a, b, item.side_ab, item.normal_0, item.normal_1, item.shared_constants)
         other = context.patch.item_count + local
         code = bits_of(item.vertices, wp.static(WORD_CODE), wp.static(CODE_BITS))
         beyond = bits_of(item.vertices, wp.static(WORD_ACROSS), wp.static(NUMBER_BITS))
-        taken_edge(context, other, item, code, beyond, item.first_law)
+        taken_edge(context, other, item, code, beyond, item.first_constants)
         other += context.patch.item_count
         code = bits_of(item.vertices, wp.static(WORD_CODE + CODE_BITS), wp.static(CODE_BITS))
         beyond = bits_of(item.sides, wp.static(WORD_ACROSS), wp.static(NUMBER_BITS))
-        taken_edge(context, other, item, code, beyond, law)
+        taken_edge(context, other, item, code, beyond, last_constants)
         return fold
 
     @wp.func
     def work_item_edges(context: Context, item: PatchItem):
-        """Edges of the patch's items; the last is the thread's own, with ``load_laws``, and is returned."""
+        """Edges of the patch's items; the last is the thread's own, with ``load_constants``, and is returned."""
         if wp.static(fits):
             if context.lane < context.patch.item_count:
                 item.fold = edges_of(context, context.lane, item)
@@ -239,12 +240,12 @@ def item_edges_step(options: KernelOptions) -> SimpleNamespace:
             local = int(context.lane)
             while local < context.patch.item_count:
                 measured = measure_item(context, load_item(context.patches, context.patch, local))
-                fold = edges_of(context, local, load_laws(context.patches, context.patch, measured))
+                fold = edges_of(context, local, load_constants(context.patches, context.patch, measured))
                 put_fold(context, local, fold)
                 local += block_threads()
         return item
 
-    return SimpleNamespace(load_laws=load_laws, work_item_edges=work_item_edges)
+    return SimpleNamespace(load_constants=load_constants, work_item_edges=work_item_edges)
 
 
 @functools.cache

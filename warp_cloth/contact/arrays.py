@@ -16,6 +16,7 @@ from warp_cloth.contact.leaf_order import sheet_order
 from warp_cloth.contact.rest_neighbours import rest_near_rows
 from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.garment.garment import Garment
+from warp_cloth.kernels.base.options import FabricField
 from warp_cloth.kernels.contact.arrays import NEXT_ITERATION, NO_LIMIT, REGIONS, ContactData
 from warp_cloth.kernels.contact.search import ContactSearch
 from warp_cloth.model.permutation import Permutation
@@ -43,7 +44,11 @@ def packed_fabric(
     thickness: NDArray[np.float64], squeeze_modulus: NDArray[np.float64], friction: NDArray[np.float64]
 ) -> NDArray[np.float32]:
     """Fabrics as kernels.contact.arrays unpacked_fabric reads them, shape [N, 4]."""
-    return np.stack([thickness, squeeze_modulus, friction, np.zeros(len(thickness))], axis=1).astype(np.float32)
+    fabric = np.zeros((len(thickness), len(FabricField)), dtype=np.float32)
+    fabric[:, FabricField.THICKNESS] = thickness
+    fabric[:, FabricField.SQUEEZE_MODULUS] = squeeze_modulus
+    fabric[:, FabricField.FRICTION] = friction
+    return fabric
 
 
 def contact_arrays(
@@ -56,7 +61,7 @@ def contact_arrays(
     squeeze_modulus = HALVING_PRESSURE * area / (FORCE_AT_HALF * thickness)
     friction = np.array([kind.friction for kind in kinds])
     fabric = permutation.rows(per_vertex(sheets, packed_fabric(thickness, squeeze_modulus, friction)))
-    data.model.thickness = wp.array(fabric[:, 0], dtype=wp.float32)
+    data.model.thickness = wp.array(fabric[:, FabricField.THICKNESS], dtype=wp.float32)
     data.model.fabric = wp.array(fabric, dtype=wp.vec4f)
     data.model.thickest = float(thickness.max())
     data.pairs.active_margin = data.pairs.active_distance = np.inf  # asleep

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.mesh import Indices
 from warp_cloth.base.topology import Topology
 from warp_cloth.garment.rest import Floats, RestShape
+from warp_cloth.kernels.base.options import SpringField
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,14 +19,14 @@ class Elements:
     """Constants of E edges and F triangles as the force kernels read them (kernels.base.types: Edges, Triangles)."""
 
     ends: Indices  # shape [E, 2]
-    law: Floats  # rest length [m], pull [N/m2], push [N/m2], shape [E, 3]
+    spring: Floats  # by SpringField, shape [E, 3]
     adjacent_triangles: Indices  # of each edge's hinge, 0 where it has none, shape [E, 2]
     hinge_stiffness: Floats  # C of that hinge [N m], negative where both triangles run along the edge, shape [E]
     rest: Floats  # cosine and sine of its rest angle, shape [E, 2]
     corners: Indices  # shape [F, 3]
     edges: Indices  # opposite to each corner, -1 - edge where the hinge's torque has the other sign, shape [F, 3]
     slope: Floats  # as YarnConstants.slope, zero where there are no yarns, shape [F, 4]
-    yarns: Floats  # as YarnConstants.law, shape [F, 4]
+    yarns: Floats  # as YarnConstants.packed, shape [F, 4]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,16 +72,18 @@ def garment_elements(triangles: Indices, rest: RestShape, winding: Winding | Non
         angles[edge, 0], angles[edge, 1] = np.cos(rest.hinge_angle[stiff]), np.sin(rest.hinge_angle[stiff])
     slope, yarns = (np.zeros((len(triangles), 4)) for _ in range(2))
     if rest.yarns is not None:
-        slope[rest.yarns.triangles], yarns[rest.yarns.triangles] = rest.yarns.slope, rest.yarns.law
-    law = np.stack([rest.edge_length, rest.edge_pull, rest.edge_push], axis=1)
+        slope[rest.yarns.triangles], yarns[rest.yarns.triangles] = rest.yarns.slope, rest.yarns.packed
+    spring = np.empty((count, 3))
+    spring[:, SpringField.LENGTH] = rest.edge_length
+    spring[:, SpringField.PULL], spring[:, SpringField.PUSH] = rest.edge_pull, rest.edge_push
     return Elements(
-        winding.ends, law, winding.adjacent_triangles, stiffness, angles, triangles, winding.edges, slope, yarns
+        winding.ends, spring, winding.adjacent_triangles, stiffness, angles, triangles, winding.edges, slope, yarns
     )
 
 
 def elements_of(elements: Elements, real: type[np.floating[Any]]) -> Elements:
     """The elements with floating-point numbers of the device's type."""
     floats = {
-        name: getattr(elements, name).astype(real) for name in ("law", "hinge_stiffness", "rest", "slope", "yarns")
+        name: getattr(elements, name).astype(real) for name in ("spring", "hinge_stiffness", "rest", "slope", "yarns")
     }
     return replace(elements, **floats)

@@ -78,7 +78,7 @@ def _woven_paths(yarns: YarnConstants, points: Floats) -> _Paths:
     straight = np.einsum("tcx,tcd->tdx", corners[:, 1:] - corners[:, :1], inverse)  # now, of unit length at rest
     bias = np.stack([straight[:, 0] + straight[:, 1], straight[:, 0] - straight[:, 1]], axis=1) / np.sqrt(2.0)
     strain = np.linalg.norm(np.concatenate([straight, bias], axis=1), axis=2) - 1.0
-    each = np.stack([yarns.weft, yarns.warp, yarns.bias, yarns.bias]).T
+    each = np.stack([yarns.weft, yarns.warp, yarns.shear, yarns.shear]).T
     weaker = np.where(strain > 0.0, 1.0, yarns.compression)
     energy = float((each * weaker * np.abs(strain) ** 3).sum() / 3.0)
     return _Paths(ends, parts.reshape(-1, 2), stiffness.reshape(-1, 2), energy)

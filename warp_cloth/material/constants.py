@@ -8,12 +8,13 @@ that the garment, pulled uniformly along warp or weft, responds like the fabric.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Indices
+from warp_cloth.kernels.base.options import YarnField
 
 if TYPE_CHECKING:
     from warp_cloth.base.topology import Topology
@@ -42,13 +43,16 @@ class YarnConstants:
     slope: Floats  # of second and third corner along weft, then warp [1/m], shape [T, 4]
     weft: Floats  # area times K of the weft yarns [N m], shape [T]
     warp: Floats
-    bias: Floats  # of each of the two bias yarns
+    shear: Floats  # of each of the two bias yarns, which bear the fabric's shear
     compression: float  # c of the fabric
 
     @property
-    def law(self) -> Floats:
-        """Packed for the device (kernels.base.types Weave.law): weft, warp, bias, compression; shape [T, 4]."""
-        return np.stack([self.weft, self.warp, self.bias, np.full_like(self.weft, self.compression)], axis=1)
+    def packed(self) -> Floats:
+        """For the device, by ``YarnField``, shape [T, 4]."""
+        yarns = np.empty((len(self.triangles), len(YarnField)))
+        yarns[:, YarnField.WEFT], yarns[:, YarnField.WARP] = self.weft, self.warp
+        yarns[:, YarnField.SHEAR], yarns[:, YarnField.COMPRESSION] = self.shear, self.compression
+        return yarns
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +190,7 @@ def _pulled(density: Floats, factors: Floats, compression: float, direction: flo
 def yarn_constants(sheet: Sheet, fabric: Fabric) -> YarnConstants:
     """Yarns of every triangle that has an area, of the stiffnesses that ``yarn_stretches`` computes."""
     shear = fabric.shear if fabric.shear is not None else 0.0
-    warp, weft, bias = yarn_stretches(fabric.stretch_warp, fabric.stretch_weft, shear, fabric.compression)
+    yarns = yarn_stretches(fabric.stretch_warp, fabric.stretch_weft, shear, fabric.compression)
     used = sheet.areas > THINNEST_FRACTION * float(np.median(sheet.areas))
     flat, areas = sheet.flat[used], sheet.areas[used]
     sides = np.swapaxes(flat[:, 1:] - flat[:, :1], 1, 2)  # columns are the sides from the first corner
@@ -196,14 +200,22 @@ def yarn_constants(sheet: Sheet, fabric: Fabric) -> YarnConstants:
         triangles=np.flatnonzero(used).astype(np.int32),
         corners=sheet.triangles[used].astype(np.int32),
         slope=slope,
-        weft=areas * weft,
-        warp=areas * warp,
-        bias=areas * bias,
+        weft=areas * yarns.weft,
+        warp=areas * yarns.warp,
+        shear=areas * yarns.shear,
         compression=fabric.compression,
     )
 
 
-def yarn_stretches(warp: float, weft: float, shear: float, compression: float) -> tuple[float, float, float]:
+class YarnStretches(NamedTuple):
+    """K of the yarns of a woven fabric [N/m]."""
+
+    warp: float
+    weft: float
+    shear: float  # of each of the two bias yarns
+
+
+def yarn_stretches(warp: float, weft: float, shear: float, compression: float) -> YarnStretches:
     """K of warp, weft and bias yarns [N/m] such that the cloth has these stretches and this shear.
 
     Sheared by an angle g, the biases have strains of +-g/2 and energy (1 + c) K_b / 3 (g / 2)^3 per area, so K_b =
@@ -218,4 +230,4 @@ def yarn_stretches(warp: float, weft: float, shear: float, compression: float) -
         ratio = np.sqrt(bias / np.maximum(4.0 * resisted, least))
         t = np.where(resisted > 0.0, ratio / (1.0 + ratio), 1.0)
         own = np.array([warp, weft]) - 2.0 * bias * (0.5 * (1.0 - t)) ** 3 - resisted * t**3
-    return float(own[0]), float(own[1]), bias
+    return YarnStretches(float(own[0]), float(own[1]), bias)

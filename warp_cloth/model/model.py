@@ -189,7 +189,7 @@ def _edges(
     """Edges of all garments; ``upload`` is ``upload_concatenated`` to their device."""
     edges = types.Edges()
     edges.ends = upload([each.ends for each in garments], wp.vec2i, starts=vertex_start)
-    edges.law = upload([each.law for each in garments], types.vec3)
+    edges.spring = upload([each.spring for each in garments], types.vec3)
     if terms.folds:
         edges.adjacent_triangles = upload(
             [each.adjacent_triangles for each in garments], wp.vec2i, starts=triangle_start
@@ -259,14 +259,16 @@ def _weave(
         return None
     real = wp.dtype_to_numpy(types.real)
 
-    def packed(yarns: YarnConstants, name: str) -> NDArray[Any]:
+    def rounded(yarns: YarnConstants, name: str) -> NDArray[Any]:
         return np.asarray(getattr(yarns, name).astype(real))
+
+    def uploaded(name: str) -> wp.array:
+        each = [cache.get_or_make(name, (shape,), partial(rounded, shape, name), types.name) for shape, _ in woven]
+        return upload(each, types.vec4)
 
     weave = types.Weave()
     weave.corners = upload([shape.corners for shape, _ in woven], wp.vec3i, starts=[first for _, first in woven])
-    for name in ("slope", "law"):
-        each = [cache.get_or_make(name, (shape,), partial(packed, shape, name), types.name) for shape, _ in woven]
-        setattr(weave, name, upload(each, types.vec4))
+    weave.slope, weave.yarns = uploaded("slope"), uploaded("packed")
     return weave
 
 

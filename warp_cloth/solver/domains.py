@@ -98,7 +98,7 @@ class _Around:
 
         edges, triangles = types.Edges(), types.Triangles()
         edges.ends = wp.array(place[self._ends[needed]], dtype=wp.vec2i, device=device)
-        edges.law = some(model.edges.law, needed)
+        edges.spring = some(model.edges.spring, needed)
         triangles.corners = wp.array(place[self._corners[near]], dtype=wp.vec3i, device=device)
         if self._bends:
             edges.hinge_stiffness = some(model.edges.hinge_stiffness, needed)

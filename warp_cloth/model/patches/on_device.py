@@ -25,7 +25,7 @@ from warp_cloth.model.patches.cutting import (
     joined_rows,
     takes_pairs,
 )
-from warp_cloth.model.patches.triangle_pairs import with_laws
+from warp_cloth.model.patches.triangle_pairs import with_constants
 from warp_cloth.model.permutation import Permutation
 from warp_cloth.model.upload import upload_concatenated
 
@@ -106,10 +106,10 @@ def device_patches(source: PatchSource, types: Any, device: str, cache: Cache) -
     terms, gpu = source.terms, wp.get_device(device).is_cuda
     each = _cut(source, types.name, cache)
     patch, overflowing = joined_rows(each, terms, precision=types.name, own_memory=gpu)
-    laws = cache.get_or_make_each(
-        "laws", list(zip(source.rounded, each, strict=True)), partial(_patch_laws, terms=terms), terms
+    constants = cache.get_or_make_each(
+        "constants", list(zip(source.rounded, each, strict=True)), partial(_patch_constants, terms=terms), terms
     )
-    rows = _patch_rows(source, each, patch, laws)
+    rows = _patch_rows(source, each, patch, constants)
     packings = cache.get_or_make_each("packing", [(own,) for own in each], _packing)
     start: list[int] = np.cumsum([0, *(len(part) for part in source.points)]).tolist()  # of each garment's vertices
     paired = bool(rows["item_count"].any())
@@ -118,7 +118,7 @@ def device_patches(source: PatchSource, types: Any, device: str, cache: Cache) -
         """Numbers of vertices, of all garments' patches."""
         return upload_concatenated([getattr(own, name) for own in packings], wp.int32, device=device, starts=start)
 
-    tables = _tables(types, terms, device, each, laws, paired=paired)
+    tables = _tables(types, terms, device, each, constants, paired=paired)
     wide = np.zeros((len(rows), 16), dtype=np.int32)
     wide[:, : rows.dtype.itemsize // 4] = rows.view(np.int32).reshape(len(rows), -1)
     tables.patch = wp.array(wide.reshape(-1, 4), dtype=wp.vec4i, device=device)
@@ -164,17 +164,17 @@ def _patch_rows(
     source: PatchSource,
     each: Sequence[PatchTables],
     patch: dict[str, NDArray[Any]],
-    laws: Sequence[dict[str, NDArray[Any]]],
+    constants: Sequence[dict[str, NDArray[Any]]],
 ) -> NDArray[Any]:
     """Rows of kernels.base.types.Patch of all garments."""
     rows = np.zeros(len(patch["vertex_start"]), dtype=Patch.numpy_dtype())
     for name, numbers in patch.items():
         rows[name] = numbers
-    table = "law" if source.terms.edges else "hinge_stiffness"
-    if table in laws[0]:
-        begin = [int(end) for end in np.cumsum([0, *(len(own[table]) for own in laws[:-1])])]
-        rows["law_start"] = concatenate([own["law_start"] for own in laws], begin)
-        rows["law_count"] = concatenate([own["law_count"] for own in laws])
+    table = "edge_constants" if source.terms.edges else "hinge_stiffness"
+    if table in constants[0]:
+        begin = [int(end) for end in np.cumsum([0, *(len(own[table]) for own in constants[:-1])])]
+        rows["constants_start"] = concatenate([own["constants_start"] for own in constants], begin)
+        rows["constants_count"] = concatenate([own["constants_count"] for own in constants])
     first = np.cumsum([0, *(len(part) for part in source.points[:-1])])  # vertex of each garment
     of_garment = np.searchsorted(source.item_start, first, side="right") - 1
     rows["item"] = np.repeat(of_garment, [len(own.patch["vertex_start"]) for own in each])
@@ -188,7 +188,7 @@ def _tables(
     terms: Terms,
     device: str,
     each: Sequence[PatchTables],
-    laws: Sequence[dict[str, NDArray[Any]]],
+    constants: Sequence[dict[str, NDArray[Any]]],
     *,
     paired: bool,
 ) -> Any:
@@ -198,28 +198,28 @@ def _tables(
         """A table of all garments' patches."""
         return upload_concatenated([getattr(own, name) for own in each], dtype, device=device, more=more)
 
-    def law(name: str, dtype: Any, *, more: int = 0) -> wp.array:
-        """Likewise of their laws."""
-        return upload_concatenated([own[name] for own in laws], dtype, device=device, more=more)
+    def constant(name: str, dtype: Any, *, more: int = 0) -> wp.array:
+        """Likewise of their constants."""
+        return upload_concatenated([own[name] for own in constants], dtype, device=device, more=more)
 
     tables = types.Patches()
     if terms.edges or terms.folds:
-        tables.ends = law("ends", wp.uint64, more=1)
+        tables.ends = constant("ends", wp.uint64, more=1)
     if terms.edges:
-        tables.law = law("law", types.vec4, more=1)
+        tables.edge_constants = constant("edge_constants", types.vec4, more=1)
         tables.edge_slot = laid("edge_slot", wp.vec4i)
     if terms.folds and not paired:
         tables.sides = laid("sides", wp.uint64, more=1)
     if terms.folds and not terms.edges:
-        tables.hinge_stiffness = law("hinge_stiffness", types.real, more=1)
+        tables.hinge_stiffness = constant("hinge_stiffness", types.real, more=1)
     if terms.angles:
-        tables.rest = law("rest", types.vec2)
+        tables.rest = constant("rest", types.vec2)
     if terms.folds or terms.yarns:
         tables.corners = laid("corners", wp.uint64, more=1)
         tables.slot = laid("slot", wp.vec4i)
     if terms.yarns:
-        tables.slope = law("slope", types.vec4)
-        tables.yarns = law("yarns", types.vec4)
+        tables.slope = constant("slope", types.vec4)
+        tables.yarns = constant("yarns", types.vec4)
     return tables
 
 
@@ -228,22 +228,23 @@ def _last_first(rows: NDArray[np.int32], count: int) -> NDArray[np.int32]:
     return np.concatenate([rows[:count][::-1], rows[count:]])
 
 
-def _patch_laws(elements: Elements, tables: PatchTables, terms: Terms) -> dict[str, NDArray[Any]]:
-    """Laws of a garment's patches in the patches' order, and the words of their edges, of the terms in use."""
-    laws: dict[str, NDArray[Any]] = {}
+def _patch_constants(elements: Elements, tables: PatchTables, terms: Terms) -> dict[str, NDArray[Any]]:
+    """Constants of a garment's patches in the patches' order, and the words of their edges, of the terms in use."""
+    found: dict[str, NDArray[Any]] = {}
     if terms.edges or terms.folds:
-        table = "law" if terms.edges else "hinge_stiffness"
+        table = "edge_constants" if terms.edges else "hinge_stiffness"
         stiffness = elements.hinge_stiffness[tables.edge]
-        law = np.column_stack([elements.law[tables.edge], stiffness]) if terms.edges else stiffness[:, None]
+        own = np.column_stack([elements.spring[tables.edge], stiffness]) if terms.edges else stiffness[:, None]
         ends, start, count = tables.ends, tables.patch["edge_start"], tables.patch["edge_count"]
         if tables.patch["item_count"].any():
-            ends, law, start, count = with_laws(ends, tables.patch, law)
-        laws = {"ends": ends, table: law if terms.edges else law[:, 0], "law_start": start, "law_count": count}
+            ends, own, start, count = with_constants(ends, tables.patch, own)
+        found = {"ends": ends, table: own if terms.edges else own[:, 0]}
+        found["constants_start"], found["constants_count"] = start, count
     if terms.angles:
-        laws["rest"] = elements.rest[tables.edge]
+        found["rest"] = elements.rest[tables.edge]
     if terms.yarns:
-        laws["slope"], laws["yarns"] = elements.slope[tables.triangle], elements.yarns[tables.triangle]
-    return laws
+        found["slope"], found["yarns"] = elements.slope[tables.triangle], elements.yarns[tables.triangle]
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ thread's *item* is such a pair, or a triangle that is left over. An item has the
 others, so that all items cost about the same; edges that no item has are *loose*.
 
 Items are packed into 64-bit words: three of each item (the first words of all items of a patch, then the second, then
-the third), then one word of each loose edge; kernels.base.options has the bits. An edge's law (rest length and
-stiffness) is packed as an index into the different laws of its patch, of which regular cloth has few.
+the third), then one word of each loose edge; kernels.base.options has the bits. An edge's constants
+(SpringField) are packed as an index into the different ones of its patch, of which regular cloth has few.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from warp_cloth.kernels.base.options import (
     WORD_ACROSS,
     WORD_BEGIN,
     WORD_CODE,
-    WORD_LAW,
+    WORD_CONSTANTS,
     WORD_REVERSED,
 )
 from warp_cloth.model.patches.members import Keys, Members, Numbers, edge_numbers, packed_bits
@@ -218,7 +218,7 @@ class Items:
         """Words of items and loose edges, shape [E]; ``ends``: end vertices and triangles of each edge.
 
         At the number of a shared edge: the item's vertices, and the codes of its outer edges. At that of the first
-        outer edge: the other sides of its triangles. At that of the second: nothing yet (``with_laws``).
+        outer edge: the other sides of its triangles. At that of the second: nothing yet (``with_constants``).
         """
         own, elements = self._own, self._elements
         patch, count = own.patch, self._count[own.patch]
@@ -260,37 +260,39 @@ def _put(word: NDArray[np.uint64], at: Keys, bit: Keys | int, number: Keys) -> N
     np.bitwise_or.at(word, at, number.astype(np.uint64) << np.asarray(bit, dtype=np.uint64))
 
 
-def with_laws(
-    ends: NDArray[np.uint64], patch: dict[str, Keys], law: NDArray[Any]
+def with_constants(
+    ends: NDArray[np.uint64], patch: dict[str, Keys], constants: NDArray[Any]
 ) -> tuple[NDArray[np.uint64], NDArray[Any], Keys, Keys]:
-    """Adds to the words the index of each edge's law among its patch's different laws, and returns these laws.
+    """Adds to the words the index of each edge's constants among its patch's different ones, and returns these.
 
-    An item's third word has the laws of its edges; the word of a loose edge has its own.
+    An item's third word has the indices of its edges; the word of a loose edge has its own.
 
     Args:
         ends: words of all patches from ``Items.packed``, shape [E].
         patch: of PatchTables.
-        law: of each edge, shape [E, 1..4].
+        constants: of each edge, shape [E, 1..4].
 
     Returns:
-        The words, the laws, and the first law and number of laws of each patch.
+        The words, the constants, and the first and number of each patch.
     """
     count = patch["edge_count"]
     of = np.repeat(np.arange(len(count)), count)
-    _, alike = np.unique(law.view(f"V{law.dtype.itemsize * law.shape[1]}").ravel(), return_inverse=True)
-    keys, first, number = np.unique(of * len(law) + alike, return_index=True, return_inverse=True)
-    law_count = np.bincount(keys // max(len(law), 1), minlength=len(count))
-    law_start = np.cumsum(law_count) - law_count
+    _, alike = np.unique(
+        constants.view(f"V{constants.dtype.itemsize * constants.shape[1]}").ravel(), return_inverse=True
+    )
+    keys, first, number = np.unique(of * len(constants) + alike, return_index=True, return_inverse=True)
+    constants_count = np.bincount(keys // max(len(constants), 1), minlength=len(count))
+    constants_start = np.cumsum(constants_count) - constants_count
     first, rank = (
         np.sort(first),
         np.argsort(np.argsort(first)),
-    )  # in the order of the edges: where all differ, neighbouring threads load neighbouring laws
-    number = rank[number] - law_start[of]
+    )  # in the order of the edges: where all differ, neighbouring threads load neighbouring constants
+    number = rank[number] - constants_start[of]
     local, items = np.arange(len(of)) - patch["edge_start"][of], patch["item_count"][of]
     slot = np.minimum(local // np.maximum(items, 1), SLOTS)
     slot[items == 0] = SLOTS
     loose = slot == SLOTS
     words = ends.copy()
     third = np.arange(len(of)) + (SLOTS - 1 - slot) * items
-    _put(words, np.where(loose, np.arange(len(of)), third), np.where(loose, WORD_LAW, NUMBER_BITS * slot), number)
-    return words, law[first], law_start, law_count
+    _put(words, np.where(loose, np.arange(len(of)), third), np.where(loose, WORD_CONSTANTS, NUMBER_BITS * slot), number)
+    return words, constants[first], constants_start, constants_count

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Indices
 from warp_cloth.base.topology import ragged_rows
+from warp_cloth.kernels.base.options import SpringField
 from warp_cloth.kernels.elements.stiffness import stiffness_types
 from warp_cloth.model.model import ClothModel
 
@@ -32,7 +33,7 @@ def build_pairs(model: ClothModel) -> PairTable:
     """All pairs of a model's vertices that share an edge that pulls, a hinge or a woven triangle."""
     count = model.vertex_count
     edges = model.edges.ends.numpy().astype(np.int64)
-    pulling = np.flatnonzero(model.edges.law.numpy()[:, 1] > 0.0)
+    pulling = np.flatnonzero(model.edges.spring.numpy()[:, SpringField.PULL] > 0.0)
     hinges = _corners(model.hinges, 4)
     woven = _corners(model.weave, 3)
     keys = [_keys(edges[pulling], count)]
