@@ -43,7 +43,7 @@ def with_compliance(model: ClothModel) -> AnisotropicStep:
 def compliance_of(model: ClothModel, *, most: float = MOST, horizon: float = 20.0) -> np.ndarray:
     """The compliance of each vertex as a matrix, shape [V, 3, 3]."""
     step = cloth_types(model.precision).Step()
-    step.reach, step.horizon = 1.0, horizon
+    step.allowance, step.horizon = 1.0, horizon
     rows = model.vertices.items.numpy().copy()
     rows["cap"], rows["anisotropy_limit"] = CAP, most
     model.vertices.items.assign(rows)
@@ -123,7 +123,7 @@ def test_threads_drag_across_themselves_by_what_acts_there() -> None:
     moves = np.random.default_rng(6).normal(scale=1e-4, size=MESH.points.shape)
     model.state.displacement.assign(moves)
     step = cloth_types(model.precision).Step()
-    step.reach, step.horizon, step.viscosity, step.buckling = 1.0, horizon, viscosity, buckling
+    step.allowance, step.horizon, step.viscosity, step.buckling = 1.0, horizon, viscosity, buckling
     wanted = np.zeros_like(moves)
     weave, points = model.weave, model.points()
     for corners, slope, yarns in zip(weave.corners.numpy(), weave.slope.numpy(), weave.yarns.numpy(), strict=True):
@@ -192,10 +192,10 @@ def lying(gathers: bool = False, contact: bool = True) -> Relaxation:
 
 @pytest.mark.parametrize("gathers", [False, True])
 def test_it_is_looked_up_after_the_same_iterations_in_whatever_chunks(gathers: bool) -> None:
-    def ended(chunks: list[int]) -> np.ndarray:
+    def ended(bursts: list[int]) -> np.ndarray:
         relaxation = lying(gathers)
         relaxation.update_anisotropy(np.zeros(1))
-        for count in chunks:
+        for count in bursts:
             relaxation.run(count)
         assert not (told(relaxation.model) == [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]).all()
         return relaxation.model.points()

@@ -194,7 +194,7 @@ def test_worn_cloth_gets_room_for_more_pairs_at_the_same_iteration_whether_or_no
 
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 900)
         (outcome,) = relax_items(
-            relaxation, Certifier(relaxation), [goal], schedule=schedule, on_chunk=squeeze, ahead=ahead
+            relaxation, Certifier(relaxation), [goal], schedule=schedule, on_burst=squeeze, ahead=ahead
         )
         assert 5 in seen
         assert seen[-1] > 5

@@ -13,7 +13,7 @@ from warp_cloth.fitting.problem import build_problem, collider_updates, toleranc
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.loop import Goal, Outcome, chunks, relax_items
+from warp_cloth.solver.loop import Goal, Outcome, bursts, relax_items
 from warp_cloth.study.launches import launches_of
 
 FALLING = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "collision.offset_mm=5"]
@@ -63,7 +63,7 @@ def test_cloth_that_hangs_goes_from_check_to_check_in_fewer_graphs(monkeypatch: 
             made.relaxation, "run", lambda count, run=run, counts=counts: (counts.append(count), run(count))
         )
         (outcome,) = relax_items(
-            made.relaxation, made.certifier, [Goal(tolerance_of(scene), scene.solver.iterations)], on_chunk=told
+            made.relaxation, made.certifier, [Goal(tolerance_of(scene), scene.solver.iterations)], on_burst=told
         )
         shapes.append(outcome.points)
         graphs.append(counts)
@@ -75,7 +75,7 @@ def test_hanging_cloth_is_packed_once_between_two_checks(monkeypatch: pytest.Mon
     monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=True))
     scene = load_scene("hanging", ["garment.shape.vertices_per_side=9"])
     made = build_problem([scene], [load_outfit(scene)], "cpu")
-    (count,) = chunks(made.relaxation)
+    (count,) = bursts(made.relaxation)
     launches = launches_of(lambda: made.relaxation.iterate(count))
     assert len(launches) == count + 2
 

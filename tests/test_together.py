@@ -51,7 +51,7 @@ def sheet(mixed: bool = False) -> Mesh:
 def relaxed(
     threads: int, fabric: Fabric, *, mixed: bool = False, contact: bool = True, fold: float = 0.0
 ) -> Relaxation:
-    """The sheet after iterations tight, loose and tight again, in chunks of several lengths."""
+    """The sheet after iterations tight, loose and tight again, in bursts of several lengths."""
     mesh = sheet(mixed)
     rest = build_rest_shape(mesh, fabric, rest="mesh")
     rest.fold_angle[...] = fold
@@ -59,9 +59,9 @@ def relaxed(
     model = model_of(mesh, rest, precision="mixed", pins=pins, avatar_friction=FRICTION, offset=OFFSET)
     relaxation = Relaxation(model, floor() if contact else Collider(), StepOptions(threads=threads))
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels()])
-    for residual, chunks in ((1.0, [20, 20, 20]), (0.0, [20, 20, 7, 20, 13]), (1.0, [20, 3])):
+    for residual, bursts in ((1.0, [20, 20, 20]), (0.0, [20, 20, 7, 20, 13]), (1.0, [20, 3])):
         relaxation.update_anisotropy(np.array([residual]))
-        for count in chunks:
+        for count in bursts:
             relaxation.run(count)
     return relaxation
 

@@ -22,7 +22,7 @@ from warp_cloth.base.mesh import Mesh
 from warp_cloth.fitting.warm_start import corresponding_points
 from warp_cloth.maps import MAPS
 from warp_cloth.shapes import SIZE_BODIES, tshirt
-from warp_cloth.view.live import CHUNK, PLOT_POINTS, History, LiveFit, merged_overrides
+from warp_cloth.view.live import BURST, PLOT_POINTS, History, LiveFit, merged_overrides
 from warp_cloth.view.picture import glb_bytes, legend_html
 
 DRAPED = {
@@ -63,7 +63,7 @@ def test_a_change_keeps_the_worn_shape_and_a_refused_one_changes_nothing(live: L
         live.change({"collision.offset_mm": "-1"})
     assert live.scene.collision.offset_mm == 6.0
     live.advance()
-    assert live.iteration == CHUNK
+    assert live.iteration == BURST
 
 
 def test_a_change_of_fabric_or_offset_draws_no_avatar_anew(live: LiveFit) -> None:

@@ -151,14 +151,14 @@ def project_distance_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
             return here
         p = node_position(spacing, offset, i, j, k)
         normal = gradient / length
-        reach = float(spacing)
+        stride = float(spacing)
         for _ in range(3):
-            outer = p - (here - reach) * normal
-            inner = p - (here + reach) * normal
+            outer = p - (here - stride) * normal
+            inner = p - (here + stride) * normal
             if level(solid, outer) <= 0.0 and level(solid, inner) > 0.0:
-                found = here + reach * (2.0 * surface_fraction(solid, outer, inner, False) - 1.0)
+                found = here + stride * (2.0 * surface_fraction(solid, outer, inner, False) - 1.0)
                 return wp.where(found * here > 0.0, found, here)
-            reach *= 0.5
+            stride *= 0.5
         return here
 
     @wp.kernel(module="unique", module_options=BAKE_OPTIONS)

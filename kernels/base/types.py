@@ -43,7 +43,7 @@ class Patch:
     ranks: int  # edges or triangles at a vertex, at most
     overflow: int  # where its overflow memory starts if shared memory is too small; else -1
     place: int  # of its first owned vertex, where vertices are in the patches' order
-    item_count: int  # pairs of triangles and single ones, one for each thread (patches.triangle_pairs); where it bends
+    tile_count: int  # pairs of triangles and single ones, one for each thread (patches.tiles); where it bends
 
 
 @functools.cache
@@ -69,7 +69,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         """Parameters of an iteration, the same for all items."""
 
         gravity: vec3  # unit vector
-        reach: real  # change of length that the step allows for, as a fraction of the vertex's own last displacement
+        allowance: real  # change of length that the bound allows for, as a fraction of the vertex's last displacement
         momentum: real  # fraction of the last displacement that is repeated
         momentum_loose: real  # the same for worn cloth that is loose, whose displacements nothing else damps
         damping: real  # factor on momentum where the displacement points against the force
@@ -198,7 +198,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
         A uint64 packs four of them, a vec4i eight. The slots that a vertex sums are interleaved: the first eight of
         each vertex, then the next eight; padded with slots that hold zero. Where a thread computes a pair of triangles
-        ``ends`` and ``edge_constants`` are as in warp_cloth.model.patches.triangle_pairs.
+        ``ends`` and ``edge_constants`` are as in warp_cloth.model.patches.tiles.
         """
 
         patch: wp.array(dtype=wp.vec4i)  # as Patch

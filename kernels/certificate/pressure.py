@@ -32,7 +32,7 @@ def normal_force_kernel(precision: str, avatar_contact: wp.Function, collider_ty
         normal_force_out[vertex] = wp.float64(0.0)
         if free(model, vertex):
             force = vec3(load[0], load[1], load[2]) + step.gravity * model.weight[vertex]
-            _residual, push = react(model, state, vertex, force, colliders[model.item[vertex]], slack)
-            normal_force_out[vertex] = wp.float64(push)
+            _residual, normal_force = react(model, state, vertex, force, colliders[model.item[vertex]], slack)
+            normal_force_out[vertex] = wp.float64(normal_force)
 
     return measure_normal_force

@@ -18,16 +18,16 @@ def reaction_function(precision: str, avatar_contact: wp.Function, collider_type
     @wp.func
     def react_to_step(force: vec3, displacement: vec3, distance: wp.vec4f, item: Item):
         """Residual and normal force [N] of a vertex whose ``displacement`` enters the offset (see ``react``)."""
-        push = item.offset - distance[3]
+        depth = item.offset - distance[3]
         normal = vec3(real(distance[0]), real(distance[1]), real(distance[2]))
-        raised = wp.min(real(push), item.cap)
+        raised = wp.min(real(depth), item.cap)
         scale = wp.length(force) / wp.length(displacement)
-        slid = friction_slide(displacement + normal * raised, normal, real(push), real(item.avatar_friction))
+        slid = friction_slide(displacement + normal * raised, normal, real(depth), real(item.avatar_friction))
         return scale * wp.length(slid), scale * raised
 
     @wp.func
     def react(model: Model, state: State, vertex: int, force: vec3, collider: collider_type, slack: float):
-        """Residual |F| that contact's push and friction's cone leave of a force, and the normal force [N].
+        """Residual |F| that contact and friction's cone leave of a force, and the normal force [N].
 
         A vertex below the contact offset, or at most ``slack`` [m] above it, is in contact: the avatar takes
         max(-F . n, 0) and friction up to its cone. One that stands higher takes the force's own next step s, without
@@ -39,18 +39,18 @@ def reaction_function(precision: str, avatar_contact: wp.Function, collider_type
         item = model.items[model.item[vertex]]
         distance = avatar_contact(collider, wp.vec3d(state.position[vertex]))
         size = wp.length(force)
-        residual, push = size, real(0.0)
+        residual, normal_force = size, real(0.0)
         if distance[3] < item.offset + slack:
             normal = vec3(real(distance[0]), real(distance[1]), real(distance[2]))
             residual = friction_residual(force, normal, real(item.avatar_friction))
-            push = wp.max(-wp.dot(force, normal), real(0.0))
+            normal_force = wp.max(-wp.dot(force, normal), real(0.0))
         elif state.stiffness.shape[0] > 0 and size > real(0.0):  # only the accelerated method has stiffness bounds
             stiffness = state.stiffness[vertex]
             if stiffness > real(0.0):
                 displacement = capped(force / stiffness, item.cap)
                 there = avatar_contact(collider, wp.vec3d(state.position[vertex]) + wp.vec3d(displacement))
                 if item.offset - there[3] > 0.0:
-                    residual, push = react_to_step(force, displacement, there, item)
-        return residual, push
+                    residual, normal_force = react_to_step(force, displacement, there, item)
+        return residual, normal_force
 
     return react

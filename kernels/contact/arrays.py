@@ -230,7 +230,7 @@ def load_vertex_contact(contact: ContactData, vertex: int, position: wp.vec3d):
 
 
 @wp.func
-def pair_reach(contact: ContactData, corners: wp.vec4i, kind: int):
+def listing_distance(contact: ContactData, corners: wp.vec4i, kind: int):
     """How near a pair must be to be listed [m]: the thickness and the larger skin of either side."""
     skin_0, skin_1 = contact.trigger.skin[corners[0]], contact.trigger.skin[corners[1]]
     skin_2, skin_3 = contact.trigger.skin[corners[2]], contact.trigger.skin[corners[3]]

@@ -116,7 +116,7 @@ def find_crossing(
     if query.kind == BY_TRIANGLE:
         if tangled_edges(search, others):
             return
-    margin = float(untangling.layer_reach) + SLACK
+    margin = float(untangling.layer_depth) + SLACK
     wide = wp.vec3f(margin, margin, margin)
     less = least_box_margin(contact)
     tree = search.triangle_tree
@@ -203,7 +203,7 @@ def query_vertices(
     """Lists the groups of other layers' triangles near a group of vertices, if any is tangled, or ``all``."""
     vertex = search.vertex[WIDTH * group]
     if vertex >= 0 and (all or tangled_vertices(search, group)):
-        margin = float(untangling.layer_reach) + SLACK
+        margin = float(untangling.layer_depth) + SLACK
         wide = wp.vec3f(margin, margin, margin)
         item, own = search.leaves[search.item[vertex]], untangling.own_leaves[vertex]
         low, high = vertex_group_box(state, search, contact, group)

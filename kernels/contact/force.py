@@ -205,8 +205,8 @@ def stiffness_function(precision: str) -> wp.Function:
 
     @wp.func
     def stiffness_ahead(step: Step, approach: real, by_thickness: real, x: real, modulus: real):
-        """Stiffness bound [N/m]: at the distance left after ``reach`` times the last approach, but at least x/2."""
-        closing = wp.max(real(step.reach) * approach * by_thickness, nothing)
+        """Stiffness bound [N/m]: at the distance left after ``allowance`` times the last approach, but at least x/2."""
+        closing = wp.max(real(step.allowance) * approach * by_thickness, nothing)
         nearer = wp.max(x - closing, real(0.5) * x)
         return squeeze_stiffness(quotient(one, nearer), modulus)
 
@@ -264,13 +264,13 @@ def pair_force_function(precision: str, accumulate: Accumulate, sort: int, in_or
         if wp.static(sort == 1):
             along_0, along_1 = vec3(x_1 - x_0), vec3(x_3 - x_2)
             weight = edge_weight(along_0, along_1)
-        push = weight[0] * squeeze_force(y, inverse, thickness, modulus)
+        normal_force = weight[0] * squeeze_force(y, inverse, thickness, modulus)
         # how far the first's nearest point moved in the last iteration relative to the second's
         change = scaled_sum(move_1, weights[1], move_0 * weights[0])
         change = scaled_sum(move_3, weights[3], scaled_sum(move_2, weights[2], change))
         stick = slipped(stick, change, normal, thickness, real(fabric.friction))
-        grip = push * by_thickness * by_stick
-        force = normal * push - stick * grip
+        grip = normal_force * by_thickness * by_stick
+        force = normal * normal_force - stick * grip
         component = nothing
         if wp.static(accumulate is Accumulate.STIFFNESS):
             approach = -inner(normal, change)
@@ -278,7 +278,7 @@ def pair_force_function(precision: str, accumulate: Accumulate, sort: int, in_or
             force += normal * (real(step.viscosity) * stiffness * approach)
             component = real(2.0) * (stiffness + grip)  # the weights' absolute values sum to two
         if wp.static(accumulate is Accumulate.MAGNITUDE):
-            component = push + grip * root(inner(stick, stick))
+            component = normal_force + grip * root(inner(stick, stick))
         if wp.static(accumulate is not Accumulate.MAGNITUDE):
             put(contact.pairs.stick, pair, wp.vec4f(float(stick[0]), float(stick[1]), float(stick[2]), 0.0))
         add_pair(contact.sums.load, corners, weights, force, component)

@@ -14,8 +14,8 @@ from warp_cloth.kernels.contact.arrays import (
     ON_TRIANGLE,
     ContactData,
     due_path,
+    listing_distance,
     pair_path,
-    pair_reach,
     pair_regions,
     pair_thickness,
     separation_function,
@@ -120,7 +120,7 @@ def near_test_function(precision: str) -> wp.Function:
         _weights, _separation, _square, length = triangle_separation(x_0, x_1, x_2, x_3)
         corners = wp.vec4i(vertex, t[0], t[1], t[2])
         distance = wp.float64(length)
-        if distance < pair_reach(contact, corners, ON_TRIANGLE):
+        if distance < listing_distance(contact, corners, ON_TRIANGLE):
             neighbours = near_at_rest(search.near_start, search.near, vertex, t[0], t[1], t[2])
             store_pair(contact, memory, corners, ON_TRIANGLE, neighbours, distance)
 
@@ -134,7 +134,7 @@ def near_test_function(precision: str) -> wp.Function:
         _weights, _separation, _square, length = edge_separation(x_0, x_1, x_2, x_3)
         corners = wp.vec4i(e[0], e[1], o[0], o[1])
         distance = wp.float64(length)
-        if distance < pair_reach(contact, corners, ON_EDGE):
+        if distance < listing_distance(contact, corners, ON_EDGE):
             neighbours = near_at_rest(search.near_start, search.near, e[0], o[0], o[1], o[1])
             neighbours = neighbours or near_at_rest(search.near_start, search.near, e[1], o[0], o[1], o[1])
             store_pair(contact, memory, corners, ON_EDGE, neighbours, distance)

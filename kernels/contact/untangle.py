@@ -41,7 +41,7 @@ class Untangling:
     layer: wp.array(dtype=wp.int32)  # of the vertex's garment in its item, from the inside out, shape [V]
     own_leaves: wp.array(dtype=wp.vec2i)  # first and end of its layer's triangles in the tree, shape [V]
     outward: wp.array(dtype=wp.float32)  # 1 where triangles face away from the body, or -1, shape [V]
-    layer_reach: float  # greatest distance on the wrong side of another layer at which a vertex is found [m]
+    layer_depth: float  # greatest distance on the wrong side of another layer at which a vertex is found [m]
     longest_shift: wp.float64  # in an iteration [m]
     crosses: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, LAYERS or ITSELF, shape [V]
     age: wp.array(dtype=wp.int32)  # searches for which it or an adjacent one has crossed other layers, shape [V]
@@ -103,7 +103,7 @@ def clear_tangles(search: ContactSearch, untangling: Untangling, candidates: Can
     untangling.level[vertex] = search.tangled[vertex]
     untangling.age[vertex] = untangling.next_age[vertex]
     untangling.crosses[vertex] = 0
-    untangling.nearest[vertex] = distance_key(untangling.layer_reach)
+    untangling.nearest[vertex] = distance_key(untangling.layer_depth)
     clear_candidates(candidates, vertex)
     for column in range(4):
         untangling.sum[vertex, column] = wp.int64(0)
@@ -168,7 +168,7 @@ def layers_kernel(precision: str) -> wp.Kernel:
         """Shifts each vertex on the wrong side of another layer, and that layer's nearest triangle, apart."""
         vertex = wp.tid()
         found = untangling.nearest[vertex]
-        if found < distance_key(untangling.layer_reach):
+        if found < distance_key(untangling.layer_depth):
             layer = untangling.layer[vertex]
             x = position_of(state, vertex)
             t = search.triangles[wp.int32(found & TRIANGLE)]

@@ -98,7 +98,7 @@ def edge_functions(precision: str, accumulate: Accumulate, angles: bool, lanes: 
         bound = one(0.0)
         if wp.static(accumulate.is_bound):
             size = root(inner(span.change, span.change))
-            bound = tension_stiffness(stretch, pull, push, size * step.reach)
+            bound = tension_stiffness(stretch, pull, push, size * step.allowance)
             change = span.change
             if wp.static(accumulate is Accumulate.ANISOTROPIC_STIFFNESS):
                 fraction = transverse_fraction(span.length, tension, bound, size, step.horizon)
@@ -119,10 +119,10 @@ def edge_functions(precision: str, accumulate: Accumulate, angles: bool, lanes: 
         normal_1 = vector3(component(second, 0), component(second, 1), component(second, 2))
         if wp.static(angles):
             normal_1 = rotated_back(normal_1, span.side, rest)
-        reach = span.move * step.reach
+        allowance = span.move * step.allowance
         torque, bound = hinge_torque(
             normal_0, component(first, 3), normal_1, component(second, 3),
-            span.side, span.length, hinge_stiffness, reach,
+            span.side, span.length, hinge_stiffness, allowance,
         )  # fmt: skip
         return vector3(torque * span.inverse, bound, inner(span.side, span.side))
 

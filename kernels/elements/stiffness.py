@@ -43,13 +43,13 @@ def spring_function(precision: str) -> wp.Function:
     real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
 
     @wp.func
-    def spring_stiffness(d: vec3, change: vec3, rest: real, pull: real, push: real, reach: real):
+    def spring_stiffness(d: vec3, change: vec3, rest: real, pull: real, push: real, allowance: real):
         """Stiffness of a spring along d: f' along it, f / r across it where it pulls, each the largest within a range.
 
-        The length r is allowed to change by ``reach`` times as much as it did by the last displacements' ``change``.
+        The length r may change by ``allowance`` times as much as it did by the last displacements' ``change``.
         """
         length = wp.max(wp.length(d), real(1.0e-9))
-        span = reach * wp.abs(wp.length(d + change) - length)
+        span = allowance * wp.abs(wp.length(d + change) - length)
         across = wp.max(tension_force(length + span - rest, pull, push), real(0.0)) / length
         along = tension_stiffness(length - rest, pull, push, span)
         across = wp.min(across, along)
@@ -110,7 +110,7 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
     def linearise_weave(
         state: State,
         weave: Weave,
-        reach: real,  # as in spring_stiffness
+        allowance: real,  # as in spring_stiffness
         side_out: wp.array2d(dtype=vec6),  # coupling of the corners (0,1), (1,2), (2,0) [N/m], shape [3, T]
     ):
         """Couplings of a triangle's corners by its four yarns t = sum b_i x_i: -b_i b_j times the yarn's stiffness."""
@@ -132,7 +132,7 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
             t, change = yarn_of(yarn, weft, warp, diagonal), yarn_of(yarn, weft_change, warp_change, diagonal)
             b1, b2 = yarn_of(yarn, slope[0], slope[2], diagonal), yarn_of(yarn, slope[1], slope[3], diagonal)
             pull = wp.where(yarn == 0, weft_pull, wp.where(yarn == 1, warp_pull, shear_pull))
-            stiff = spring_stiffness(t, change, real(1.0), pull, pull * compression, reach)
+            stiff = spring_stiffness(t, change, real(1.0), pull, pull * compression, allowance)
             b0 = -(b1 + b2)
             first -= stiff * (b0 * b1)
             second -= stiff * (b1 * b2)
@@ -158,7 +158,7 @@ def couple_pairs_kernel(precision: str) -> wp.Kernel:
         state: State,
         edges: Edges,
         pairs: Pairs,
-        reach: real,  # as in spring_stiffness
+        allowance: real,  # as in spring_stiffness
         gradient: wp.array2d(dtype=vec3),  # from linearise_hinges
         side: wp.array2d(dtype=vec6),  # from linearise_weave
         coupling_out: wp.array(dtype=mat3),  # S_ij in row i and its transpose in row j [N/m], shape [2 N]
@@ -173,7 +173,7 @@ def couple_pairs_kernel(precision: str) -> wp.Kernel:
             rest, pull, push = spring_constants(edges.spring[edge])
             d = difference(state.position[ends[1]], state.position[ends[0]])
             change = state.displacement[ends[1]] - state.displacement[ends[0]]
-            s = spring_stiffness(d, change, rest, pull, push, reach)
+            s = spring_stiffness(d, change, rest, pull, push, allowance)
         for row in range(pairs.weave_start[pair], pairs.weave_start[pair + 1]):
             code = pairs.weave[row]
             s += side[code % 3, code // 3]

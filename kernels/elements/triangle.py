@@ -174,10 +174,10 @@ def _fold_function(precision: str, accumulate: Accumulate, lanes: int) -> wp.Fun
         dot_0 = foot(square_1, square_2, square_0)
         dot_1 = foot(square_2, square_0, square_1)
         dot_2 = foot(square_0, square_1, square_2)
-        push_0, push_1 = component(fold_0, 0) * inverse, component(fold_1, 0) * inverse
-        push_2 = component(fold_2, 0) * inverse
-        along_1 = fused(push_1, square_1, negative(fused(push_0, dot_2, push_2 * dot_0)))
-        along_2 = fused(push_2, square_2, negative(fused(push_0, dot_1, push_1 * dot_0)))
+        p_0, p_1 = component(fold_0, 0) * inverse, component(fold_1, 0) * inverse
+        p_2 = component(fold_2, 0) * inverse
+        along_1 = fused(p_1, square_1, negative(fused(p_0, dot_2, p_2 * dot_0)))
+        along_2 = fused(p_2, square_2, negative(fused(p_0, dot_1, p_1 * dot_0)))
         amounts = vec3()
         if wp.static(accumulate.is_bound):
             # a wing's bound is in its own triangle, an axis' in both of the hinge's
@@ -187,9 +187,9 @@ def _fold_function(precision: str, accumulate: Accumulate, lanes: int) -> wp.Fun
             amounts = vector3(fused(bound_0, half, both), fused(bound_1, half, both), fused(bound_2, half, both))
         if wp.static(accumulate is Accumulate.MAGNITUDE):
             amounts = vec3(
-                wp.abs(push_0) * square_0 + wp.abs(push_1 * dot_2) + wp.abs(push_2 * dot_1),
-                wp.abs(push_1) * square_1 + wp.abs(push_0 * dot_2) + wp.abs(push_2 * dot_0),
-                wp.abs(push_2) * square_2 + wp.abs(push_0 * dot_1) + wp.abs(push_1 * dot_0),
+                wp.abs(p_0) * square_0 + wp.abs(p_1 * dot_2) + wp.abs(p_2 * dot_1),
+                wp.abs(p_1) * square_1 + wp.abs(p_0 * dot_2) + wp.abs(p_2 * dot_0),
+                wp.abs(p_2) * square_2 + wp.abs(p_0 * dot_1) + wp.abs(p_1 * dot_0),
             )
         return vector3(negative(along_1 + along_2), along_1, along_2), amounts
 
@@ -271,7 +271,7 @@ def yarn_function(precision: str, accumulate: Accumulate, lanes: int = 1) -> wp.
         stretch = length - one
         if wp.static(takes_exact_stretch(precision, accumulate)):
             stretch = excess * reciprocal(length + one)
-        tension, bound = yarn_tension(length, stretch, change, pull, push, step.reach)
+        tension, bound = yarn_tension(length, stretch, change, pull, push, step.allowance)
         on_weft = vec3()
         on_warp = vec3()
         amounts = vec3()

@@ -38,7 +38,7 @@ def presses_function(precision: str) -> wp.Function:
 
     @wp.func
     def presses(force: vec3, normal: vec3, gap: real, block: vec6):
-        """Whether the push closes the gap against the vertex's own stiffness: -n . F > gap (n . block n).
+        """Whether the normal force closes the gap against the vertex's own stiffness: -n . F > gap (n . block n).
 
         What is balanced a little above the surface is not constrained: it would be drawn down and let go for ever.
         """
@@ -63,11 +63,11 @@ def stick_or_slip_function(precision: str) -> wp.Function:
         constraint = int(FREE)
         left = force
         drag = real(0.0)
-        push = -wp.dot(force, normal)
-        if push > real(0.0):
-            tangent = force + normal * push
+        normal_force = -wp.dot(force, normal)
+        if normal_force > real(0.0):
+            tangent = force + normal * normal_force
             size = wp.length(tangent)
-            excess = size - friction * push
+            excess = size - friction * normal_force
             slid = wp.length(displacement - normal * wp.dot(displacement, normal))
             constraint = int(FIXED)
             left = vec3()
@@ -77,7 +77,7 @@ def stick_or_slip_function(precision: str) -> wp.Function:
             elif slid > real(STICKS):
                 constraint = int(SLIDING)
                 left = tangent
-                drag = friction * push / slid
+                drag = friction * normal_force / slid
         return constraint, left, drag
 
     return stick_or_slip

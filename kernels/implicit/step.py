@@ -172,13 +172,13 @@ def take_step_kernel(precision: str, avatar_contact: wp.Function | None, collide
             if wp.static(avatar_contact is not None):
                 there = wp.vec3d(state.position[vertex]) + wp.vec3d(displacement)
                 answer = avatar_contact(colliders[model.item[vertex]], there)
-                push = item.offset - answer[3]
-                implicit.in_contact[vertex] = wp.uint8(push > 0.0 or system.constraint[vertex] != FREE)
-                if push > 0.0:
+                depth = item.offset - answer[3]
+                implicit.in_contact[vertex] = wp.uint8(depth > 0.0 or system.constraint[vertex] != FREE)
+                if depth > 0.0:
                     out = vec3(real(answer[0]), real(answer[1]), real(answer[2]))
-                    displacement = displacement + out * wp.min(real(push), item.cap)
+                    displacement = displacement + out * wp.min(real(depth), item.cap)
                     if not touched:
-                        displacement = friction_slide(displacement, out, real(push), real(item.avatar_friction))
+                        displacement = friction_slide(displacement, out, real(depth), real(item.avatar_friction))
             implicit.extrapolation[vertex] = displacement - solved
             state.displacement[vertex] = displacement
             state.position[vertex] = state.position[vertex] + point(displacement)

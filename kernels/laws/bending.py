@@ -39,7 +39,7 @@ def unit_normal(side_1: Any, side_2: Any):
 
 @wp.func
 def hinge_torque(
-    normal_0: Any, inverse_0: Any, normal_1: Any, inverse_1: Any, axis: Any, length: Any, stiffness: Any, reach: Any
+    normal_0: Any, inverse_0: Any, normal_1: Any, inverse_1: Any, axis: Any, length: Any, stiffness: Any, allowance: Any
 ):
     """Torque of a hinge [N m], and a bound of its stiffness [N/m].
 
@@ -47,9 +47,9 @@ def hinge_torque(
     |n0 - n1|^2 / 2, which keeps its digits where the hinge is nearly flat. The force on a wing is the torque over its
     distance from the axis, along its triangle's normal (equation 3): torque times L over twice the triangle's area.
 
-    The bound holds for any of the hinge's vertices while these move by no more than ``reach`` [m]: |C| (|sin theta| +
-    angle that ``reach`` can add) (1 / h0 + 1 / h1)^2, with |sin theta| <= |n0 - n1|. Normals and inverse areas are
-    those of ``unit_normal``; the axis as it runs in the first triangle, and how long it is, at least SHORTEST; C is
+    The bound holds for any of the hinge's vertices while these move by no more than ``allowance`` [m]: |C| (1 / h0 +
+    1 / h1)^2 (|sin theta| + angle that ``allowance`` can add), with |sin theta| <= |n0 - n1|. Normals and inverse areas
+    are those of ``unit_normal``; the axis as it runs in the first triangle, and how long it is, at least SHORTEST; C is
     negative where the second triangle is wound likewise.
     """
     zero, one = type(stiffness)(0.0), type(stiffness)(1.0)
@@ -68,7 +68,7 @@ def hinge_torque(
         faded = torque * (bounded_0 / inverse_0) * (bounded_1 / inverse_1)
         torque = where_greater(thinness, one, where_greater(smaller, zero, faded, torque), torque)
     per_height = length * (bounded_0 + bounded_1)
-    fold = minimum(fused(reach, per_height, root(bend)), type(bend)(2.0))
+    fold = minimum(fused(allowance, per_height, root(bend)), type(bend)(2.0))
     bound = size * fold * per_height * per_height
     # n0 x n1 = (n0 - n1) x n0
     signed = where_greater(zero, inner(cross(difference, normal_0), axis), negative(torque), torque)

@@ -39,14 +39,14 @@ def tension_force(stretch: Any, pull: Any, push: Any):
 
 
 @wp.func
-def tension_stiffness(stretch: Any, pull: Any, push: Any, reach: Any):
-    """Largest slope of the force [N/m] while the stretch changes by no more than ``reach``; of yarns, too.
+def tension_stiffness(stretch: Any, pull: Any, push: Any, allowance: Any):
+    """Largest slope of the force [N/m] while the stretch changes by no more than ``allowance``; of yarns, too.
 
-    f' = 2 k |s|, so at most 2 k (|s| + reach), with k = pull where s + reach > 0, else push. The stiffness across an
-    edge, f / r, is smaller wherever the edge is pulled.
+    f' = 2 k |s|, so at most 2 k (|s| + allowance), with k = pull where s + allowance > 0, else push. The stiffness
+    across an edge, f / r, is smaller wherever the edge is pulled.
     """
     two = type(stretch)(2.0)
-    return two * where_positive(stretch + reach, pull, push) * (absolute(stretch) + reach)
+    return two * where_positive(stretch + allowance, pull, push) * (absolute(stretch) + allowance)
 
 
 @wp.func

@@ -121,7 +121,7 @@ def weft_and_warp(figure: Any):
 
 
 @wp.func
-def yarn_tension(length: Any, stretch: Any, change: Any, pull: Any, push: Any, reach: Any):
+def yarn_tension(length: Any, stretch: Any, change: Any, pull: Any, push: Any, allowance: Any):
     """Tension of the four yarns over their lengths, per unit of their corners' slopes [J], and stiffness bounds [J].
 
     k s |s| / |t|, with the law of ``tension_force`` (s |s| is rounded first here), and ``tension_stiffness``.
@@ -132,11 +132,11 @@ def yarn_tension(length: Any, stretch: Any, change: Any, pull: Any, push: Any, r
         change: square of what the corners' last displacements changed t by.
         pull: K A [J].
         push: that where they are shorter than 1.
-        reach: how many such changes the bound allows for.
+        allowance: how many such changes the bound allows for.
     """
     inverse = reciprocal(maximum(length, type(length)(SHORTEST)))
     tension = where_positive(stretch, pull, push) * (stretch * absolute(stretch)) * inverse
-    return tension, tension_stiffness(stretch, pull, push, root(change) * reach)
+    return tension, tension_stiffness(stretch, pull, push, root(change) * allowance)
 
 
 @wp.func

@@ -47,12 +47,12 @@ from warp_cloth.kernels.patches.packing import order_functions
 
 
 @wp.func
-def edge_bound(side: Any, change: Any, spring: Any, reach: Any, horizon: Any):
+def edge_bound(side: Any, change: Any, spring: Any, allowance: Any, horizon: Any):
     """Stiffness bound of an edge as a matrix [N/m], and its size; ``spring`` as Edges.spring."""
     rest, pull, push = spring_constants(spring)
     length, size = wp.length(side), wp.length(change)
     stretch = length - rest
-    stiffness = tension_stiffness(stretch, pull, push, reach * size)
+    stiffness = tension_stiffness(stretch, pull, push, allowance * size)
     force = tension_force(stretch, pull, push)
     across = transverse_fraction(length, force, stiffness, size, horizon)
     along = outer(stiffness * (type(length)(1.0) - across), wp.normalize(side))
@@ -61,7 +61,7 @@ def edge_bound(side: Any, change: Any, spring: Any, reach: Any, horizon: Any):
 
 @wp.func
 def yarn_bounds(
-    side_1: Any, side_2: Any, change_1: Any, change_2: Any, slope: Any, yarns: Any, reach: Any, horizon: Any
+    side_1: Any, side_2: Any, change_1: Any, change_2: Any, slope: Any, yarns: Any, allowance: Any, horizon: Any
 ):
     """What weft and warp have become, bounds of the four yarns [J], what acts across, inverses of lengths."""
     weft, warp = weft_vector(slope, side_1, side_2), warp_vector(slope, side_1, side_2)
@@ -69,7 +69,7 @@ def yarn_bounds(
     change = yarn_squares(weft_vector(slope, change_1, change_2), warp_vector(slope, change_1, change_2))
     pull, push = yarn_stiffness(yarns)
     length = root(square)
-    tension, bound = yarn_tension(length, length - type(length)(1.0), change, pull, push, reach)
+    tension, bound = yarn_tension(length, length - type(length)(1.0), change, pull, push, allowance)
     fraction, inverse_length = yarn_transverse_fractions(square, change, tension, bound, horizon)
     return weft, warp, bound, fraction, inverse_length
 
@@ -220,7 +220,7 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
                 ends = element(edges.ends, edge)
                 side = difference(position_at(state, ends[1]), position_at(state, ends[0]))
                 change = displacement_at(state, ends[1]) - displacement_at(state, ends[0])
-                more, size = edge_bound(side, change, element(edges.spring, edge), step.reach, step.horizon)
+                more, size = edge_bound(side, change, element(edges.spring, edge), step.allowance, step.horizon)
                 matrix += more
                 total += size
         if wp.static(terms.folds or terms.yarns):
@@ -237,7 +237,7 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
                     sides = sides_of(state, element(triangles.corners, triangle))
                     weft, warp, bounds, fraction, inverse_length = yarn_bounds(
                         sides.side_1, sides.side_2, sides.change_1, sides.change_2,
-                        slope, yarns, step.reach, step.horizon,
+                        slope, yarns, step.allowance, step.horizon,
                     )  # fmt: skip
                     more, size = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, corner)
                     matrix += more

@@ -29,11 +29,11 @@ def query_function(options: KernelOptions, saves_queries: bool, prefetched: bool
     transferred, avatar_contact = transfer_function(options.precision), options.avatar_contact
 
     @wp.func
-    def pushed_move(at: wp.vec4f, push: float, move: vec3, item: Item):
+    def pushed_move(at: wp.vec4f, depth: float, move: vec3, item: Item):
         """A displacement [m] that contact pushes out along the normal, at most by the cap, and friction shortens."""
         normal = vec3(real(at[0]), real(at[1]), real(at[2]))
-        pushed = scaled_sum(normal, wp.min(real(push), item.cap), move)
-        return friction_slide(pushed, normal, real(push), real(item.avatar_friction))
+        pushed = scaled_sum(normal, wp.min(real(depth), item.cap), move)
+        return friction_slide(pushed, normal, real(depth), real(item.avatar_friction))
 
     @wp.func
     def query_avatar(
@@ -53,12 +53,12 @@ def query_function(options: KernelOptions, saves_queries: bool, prefetched: bool
         """
         place = wp.vec3d(vertex.position) + wp.vec3d(move)
         at = avatar_contact(collider, place)
-        push = vertex.item.offset - at[3] + lift
+        depth = vertex.item.offset - at[3] + lift
         if wp.static(saves_queries):
             state.clearance[vertex.index] = field_clearance(collider, place, at[3], vertex.item.offset)
         inertial = move
-        if push > 0.0:
-            move = pushed_move(at, push, move, vertex.item)
+        if depth > 0.0:
+            move = pushed_move(at, depth, move, vertex.item)
             inertial = move
             if wp.static(options.anisotropic):
                 if wp.static(prefetched):
@@ -71,7 +71,7 @@ def query_function(options: KernelOptions, saves_queries: bool, prefetched: bool
                     if vertex.item.anisotropy_limit > real(0.0) and state.in_contact[vertex.index] == wp.uint8(0):
                         inertial = transferred(state.compliance[vertex.index], multiple_of_unit(real(1.0)), move)
         if wp.static(options.anisotropic):
-            state.in_contact[vertex.index] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
+            state.in_contact[vertex.index] = wp.where(depth > 0.0, wp.uint8(1), wp.uint8(0))
         return move, inertial
 
     return query_avatar

@@ -42,12 +42,12 @@ from warp_cloth.kernels.patches.steps import (
     normals_step,
     vertices_step,
 )
-from warp_cloth.kernels.patches.triangle_pairs import (
-    item_corners_step,
-    item_edges_step,
-    item_functions,
-    item_normals_step,
-    item_type,
+from warp_cloth.kernels.patches.tiles import (
+    tile_corners_step,
+    tile_edges_step,
+    tile_functions,
+    tile_normals_step,
+    tile_type,
 )
 
 FEWEST = 4  # of what meets at a vertex, at least at most of them
@@ -179,9 +179,9 @@ def work_type(precision: str) -> type:
 
     @wp.struct
     class PatchWork:
-        """The thread's item, and what it has loaded ahead."""
+        """The thread's tile, and what it has loaded ahead."""
 
-        item: item_type(precision)
+        tile: tile_type(precision)
         sides: wp.uint64  # ``triangle_table`` of the thread's first triangle
         corners: wp.uint64
         edges: wp.vec4i  # ``vertex_slots`` of its first vertex
@@ -198,22 +198,22 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
     """
     precision, terms, fits, paired = options.precision, options.terms, options.fits, options.paired
     State = cloth_types(precision).State
-    PatchWork, PatchItem, Context = work_type(precision), item_type(precision), context_type(precision)
+    PatchWork, Tile, Context = work_type(precision), tile_type(precision), context_type(precision)
     vec4, fetch_tables = cloth_types(precision).vec4, fetch_function(options)
     vertices = vertices_step(options)
     two_vertices, read_vertices = vertices.two_vertices, vertices.read_vertices
-    load_item, work_item_normals = item_functions(precision, fits).load_item, item_normals_step(options)
-    pairs = item_edges_step(options)
-    load_constants, work_item_edges = pairs.load_constants, pairs.work_item_edges
+    load_tile, work_tile_normals = tile_functions(precision, fits).load_tile, tile_normals_step(options)
+    pairs = tile_edges_step(options)
+    load_constants, work_tile_edges = pairs.load_constants, pairs.work_tile_edges
     work_normals, work_other_edges = normals_step(options), edges_step(options)
     edge_table = edge_table_functions(options).edge_table
-    work_item_corners, work_triangles = item_corners_step(options), triangles_step(options)
+    work_tile_corners, work_triangles = tile_corners_step(options), triangles_step(options)
     triangle_table, own = triangle_table_function(precision, terms), load_functions(options)
     vertex_slots, fetch_next = own.vertex_slots, next_functions(precision).fetch_next
 
     @wp.func
     def first_triangle(patch: Patch, lane: int):
-        """The thread's first triangle of those whose normals no item has."""
+        """The thread's first triangle of those whose normals no tile has."""
         if wp.static(paired):
             return patch.triangle_count + last_first(lane)
         return lane
@@ -226,14 +226,14 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
         step begins with is loaded a step ahead.
         """
         fetch_tables(context.patches, context.patch)
-        asked, item = PatchItem(), PatchItem()
+        asked, tile = Tile(), Tile()
         corner_word = wp.uint64(0)
         end_word, constants = wp.uint64(0), vec4()
         if wp.static(terms.folds):
             other = wp.min(first_triangle(context.patch, context.lane), context.patch.normal_count)
             corner_word = element(context.patches.corners, context.patch.triangle_start + other)
         if wp.static(paired):
-            asked = load_item(context.patches, context.patch, context.lane)
+            asked = load_tile(context.patches, context.patch, context.lane)
         read_vertices(context, state, first, second)
         if wp.static((terms.folds or terms.edges) and not paired):
             end_word, constants = edge_table(context.patches, context.patch, context.lane)
@@ -242,11 +242,11 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
                 fetch_next(context.patches, state, soon)
         wait_for_block()
         if wp.static(paired):
-            item = work_item_normals(context, asked)
+            tile = work_tile_normals(context, asked)
         if wp.static(terms.folds):
             work_normals(context, corner_word)
         if wp.static(paired and fits):
-            item = load_constants(context.patches, context.patch, item)
+            tile = load_constants(context.patches, context.patch, tile)
         sides, corners = wp.uint64(0), wp.uint64(0)
         if wp.static(not paired):
             triangle = context.patch.triangle_start + wp.min(context.lane, context.patch.normal_count)
@@ -254,13 +254,13 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
         if wp.static(terms.folds):
             wait_for_block()
         if wp.static(paired):
-            item = work_item_edges(context, item)
-            edge = wp.static(SLOTS) * context.patch.item_count + last_first(context.lane)
+            tile = work_tile_edges(context, tile)
+            edge = wp.static(SLOTS) * context.patch.tile_count + last_first(context.lane)
             end_word, constants = edge_table(context.patches, context.patch, edge)
         if wp.static(terms.folds or terms.edges):
             work_other_edges(context, end_word, constants)
         work = PatchWork()
-        work.item = item
+        work.tile = tile
         work.sides = sides
         work.corners = corners
         edges, triangles = vertex_slots(context.patches, context.patch, context.lane)
@@ -274,7 +274,7 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
         if wp.static(terms.folds or terms.yarns):
             wait_for_block()
             if wp.static(paired):
-                work_item_corners(context, work.item)
+                work_tile_corners(context, work.tile)
             else:
                 work_triangles(context, work.sides, work.corners)
 

@@ -54,7 +54,7 @@ def patch_of(patches: wp.array(dtype=wp.vec4i), number: int):
     patch.ranks = four[0]
     patch.overflow = four[1]
     patch.place = four[2]
-    patch.item_count = four[3]
+    patch.tile_count = four[3]
     return patch
 
 

@@ -45,13 +45,13 @@ def bits_of(word: wp.uint64, start: int, bits: int) -> int:
 
 @wp.func
 def number_of(word: wp.uint64, place: int):
-    """One of the numbers in a word of an item or of a loose edge."""
+    """One of the numbers in a word of a tile or of a loose edge."""
     return bits_of(word, wp.static(NUMBER_BITS) * place, wp.static(NUMBER_BITS))
 
 
 @wp.func
 def last_first(lane: int):
-    """A thread's number, counted from the block's last one; the first ones items keep busy."""
+    """A thread's number, counted from the block's last one; the first ones tiles keep busy."""
     return block_threads() - 1 - lane
 
 
@@ -313,7 +313,7 @@ def edges_step(options: KernelOptions) -> wp.Function:
         """Tensions and hinges of the patch's edges; the last two are of the thread's first edge."""
         local = int(context.lane)
         if wp.static(paired):
-            local = wp.static(SLOTS) * context.patch.item_count + last_first(context.lane)
+            local = wp.static(SLOTS) * context.patch.tile_count + last_first(context.lane)
         next_word, next_constants = first_word, first_constants
         while local < context.patch.edge_count:
             word, constants = next_word, next_constants

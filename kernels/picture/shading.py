@@ -44,10 +44,10 @@ def light_on(normal: wp.vec3f, key: wp.vec3f, fill: wp.vec3f, up: wp.vec3f, lit:
 
 
 @wp.func
-def horizon(normal: wp.vec3f, offset: wp.vec3f, reach: float) -> float:
-    """How far a neighbour at ``offset`` [m] rises over the tangent plane, 0..1; fades at ``reach`` [m]."""
+def horizon(normal: wp.vec3f, offset: wp.vec3f, radius: float) -> float:
+    """How far a neighbour at ``offset`` [m] rises over the tangent plane, 0..1; fades at ``radius`` [m]."""
     distance = wp.max(wp.length(offset), 1.0e-6)
-    fade = wp.max(1.0 - distance / reach, 0.0)
+    fade = wp.max(1.0 - distance / radius, 0.0)
     return wp.max(wp.dot(normal, offset) / distance - OCCLUSION_BIAS, 0.0) * fade
 
 

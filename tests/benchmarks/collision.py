@@ -40,7 +40,7 @@ from warp_cloth.shapes.body import calibrated_form
 from warp_cloth.shapes.measures import MannequinMeasures
 from warp_cloth.shapes.surface import grid_values, split_quads, surface_nets, without_saddles
 from warp_cloth.solver.certificate.certifier import Measurement
-from warp_cloth.solver.loop import CHUNK, Goal, Outcome, relax_items
+from warp_cloth.solver.loop import BURST, Goal, Outcome, relax_items
 
 SKIN = (0.4, 0.88)  # of a body's height: from below the crotch to the neck
 ROOM = 0.1  # [m] of a field round the skin that is walked
@@ -220,13 +220,13 @@ def microseconds(made: Sequence[Problem]) -> list[float]:
     for one in made:
         one.relaxation.restart()
         one.relaxation.update_anisotropy(np.zeros(1))  # as worn cloth iterates
-        one.relaxation.run(10 * CHUNK)
+        one.relaxation.run(10 * BURST)
 
     def timed(one: Problem) -> float:
         wp.synchronize_device(one.model.device)
         began = time.perf_counter()
-        for _ in range(TIMED // CHUNK):
-            one.relaxation.run(CHUNK)
+        for _ in range(TIMED // BURST):
+            one.relaxation.run(BURST)
         wp.synchronize_device(one.model.device)
         return 1e6 * (time.perf_counter() - began) / TIMED
 

@@ -118,14 +118,14 @@ class Fits:
 
 
 class Watch:
-    """Sees a relaxation's chunks: in which phase each is, and what it takes the device, or what its launches do."""
+    """Sees a relaxation's bursts: in which phase each is, and what it takes the device, or what its launches do."""
 
     def __init__(self, made: Problem, *, by_kernel: bool) -> None:
         self._made, self._run = made, made.relaxation.run
         self._device = wp.get_device(made.model.device)
         self.captured = 0.0  # seconds in which graphs were captured, and launched for the first time
         self._launched_before: list[Any] = []
-        self._chunks: list[tuple[str, int, Callable[[], float]]] = []
+        self._bursts: list[tuple[str, int, Callable[[], float]]] = []
         self._kernels: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
         made.relaxation.run = self._launched if by_kernel else self._timed  # type: ignore[method-assign]
 
@@ -140,7 +140,7 @@ class Watch:
             began = time.perf_counter()
             self._run(iterations, **how)
             seconds = time.perf_counter() - began
-            self._chunks.append((self._phase(), iterations, lambda: seconds))
+            self._bursts.append((self._phase(), iterations, lambda: seconds))
             return
         began = time.perf_counter()
         graph = self._made.relaxation.capture(iterations, **how)
@@ -152,7 +152,7 @@ class Watch:
         if not known:
             self._launched_before.append(graph)
             self.captured += time.perf_counter() - began
-        self._chunks.append((self._phase(), iterations, lambda: 1e-3 * wp.get_event_elapsed_time(begin, end)))
+        self._bursts.append((self._phase(), iterations, lambda: 1e-3 * wp.get_event_elapsed_time(begin, end)))
 
     def _launched(self, iterations: int, **_: bool) -> None:
         wp.timing_begin(cuda_filter=wp.TIMING_KERNEL)
@@ -163,12 +163,12 @@ class Watch:
             name = re.sub(r"^forward kernel |_[0-9a-f]{8}(_.*)?$", "", result.name)
             of_phase[name].append(1e-3 * result.elapsed)
         total = 1e-3 * sum(result.elapsed for result in results)
-        self._chunks.append((self._phase(), iterations, lambda: total))
+        self._bursts.append((self._phase(), iterations, lambda: total))
 
     def phases(self) -> dict[str, Spent]:
-        """What the chunks took, by phase."""
+        """What the bursts took, by phase."""
         found: dict[str, Spent] = {}
-        for phase, iterations, seconds in self._chunks:
+        for phase, iterations, seconds in self._bursts:
             spent = found.setdefault(phase, Spent())
             spent.iterations += iterations
             spent.seconds += seconds()

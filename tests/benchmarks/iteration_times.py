@@ -32,7 +32,7 @@ from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene
 from warp_cloth.shapes import square
-from warp_cloth.solver.loop import CHUNK, chunks
+from warp_cloth.solver.loop import BURST, bursts
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import StepOptions
 
@@ -62,8 +62,8 @@ def relaxation_of(fabric: str, size: str, device: str) -> Relaxation:
         scene, count = load_scene("tshirt", ["collision.cloth=false"]), int(size)
         relaxation = build_problem([scene] * count, [load_outfit(scene, None)] * count, device).relaxation
         if fabric == "loose":
-            for _ in range(FALLING // CHUNK):
-                relaxation.run(CHUNK)
+            for _ in range(FALLING // BURST):
+                relaxation.run(BURST)
             relaxation.update_anisotropy(np.zeros(count))
         return relaxation
     side, count = SIZES[size]
@@ -77,13 +77,13 @@ def relaxation_of(fabric: str, size: str, device: str) -> Relaxation:
 
 def microseconds(relaxation: Relaxation) -> float:
     """Median time of an iteration in a fit's graphs."""
-    device, taken, parts = relaxation.model.device, [], chunks(relaxation)
+    device, taken, parts = relaxation.model.device, [], bursts(relaxation)
 
     def interval() -> None:
         for number, count in enumerate(parts, 1):
             relaxation.run(count, shown=number == len(parts))
 
-    relaxation.iterate(CHUNK)
+    relaxation.iterate(BURST)
     for _ in range(WARMING):
         interval()
     for _ in range(ROUNDS):

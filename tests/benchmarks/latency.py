@@ -24,7 +24,7 @@ from wearing import BODIES, SHARED_SHIRT
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import collider_updates, limit_of, load_problem, tolerance_of
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.loop import chunks, relax_to_rest
+from warp_cloth.solver.loop import bursts, relax_to_rest
 
 
 def timed(figures: Figures, name: str, scene: str | dict[str, Any], options: argparse.Namespace) -> None:
@@ -35,7 +35,7 @@ def timed(figures: Figures, name: str, scene: str | dict[str, Any], options: arg
     for _ in range(runs + 1):  # the first compiles
         began = time.perf_counter()
         problem = load_problem(chosen, device)
-        for count in set(chunks(problem.relaxation)):
+        for count in set(bursts(problem.relaxation)):
             problem.relaxation.capture(count)
         wp.synchronize_device(device)
         built.append(time.perf_counter() - began)

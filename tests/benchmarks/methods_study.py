@@ -26,7 +26,7 @@ from warp_cloth.batch.lifeline import sigint_blocked
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, start_coarse, tolerance_of
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
-from warp_cloth.solver.loop import CHUNK, relax_to_rest
+from warp_cloth.solver.loop import BURST, relax_to_rest
 from warp_cloth.solver.step_options import StepOptions
 
 LIMITS = MappingProxyType({"direct": 20_000, "momentum": 20_000, "accelerated": 40_000, "multilevel": 20_000})
@@ -153,8 +153,8 @@ def run_case(case: Case, method: str, device: str, limit: int | None = None) -> 
     )
     end = outcome.points
     further = int(FURTHER * rest) - outcome.iterations
-    for _ in range(max(further, 0) // CHUNK):
-        problem.relaxation.run(CHUNK)
+    for _ in range(max(further, 0) // BURST):
+        problem.relaxation.run(BURST)
     if further > 0:
         end = model.points()
     coarse = sum(level.iterations * level.vertices for level in levels) / model.vertex_count

@@ -19,10 +19,10 @@ from methods_study import prepared
 
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
-from warp_cloth.solver.loop import CHUNK
+from warp_cloth.solver.loop import BURST
 from warp_cloth.study.launches import launches_of
 
-WARMING, CHUNKS, REPEATS = 10, 10, 3  # chunks before the clock runs, chunks under it, how often
+WARMING, BURSTS, REPEATS = 10, 10, 3  # bursts before the clock runs, bursts under it, how often
 RESIDUALS = {"falls": 1.0, "calm": 0.01, "still": 0.001, "at rest": 0.0001}  # relative, that a pace goes with
 
 
@@ -32,11 +32,11 @@ def microseconds(relaxation: MultilevelRelaxation) -> float:
     for _ in range(REPEATS):
         wp.synchronize_device(device)
         began = time.perf_counter()
-        for _ in range(CHUNKS):
-            relaxation.run(CHUNK)
+        for _ in range(BURSTS):
+            relaxation.run(BURST)
         wp.synchronize_device(device)
         taken.append(time.perf_counter() - began)
-    return 1e6 * min(taken) / (CHUNKS * CHUNK)
+    return 1e6 * min(taken) / (BURSTS * BURST)
 
 
 def main() -> None:
@@ -50,14 +50,14 @@ def main() -> None:
     start_warp(False)
     with figures:
         for size in options.sizes:
-            relaxation = prepared(Case("ball", size, options.stiffness), "multilevel", options.device, CHUNK).relaxation
+            relaxation = prepared(Case("ball", size, options.stiffness), "multilevel", options.device, BURST).relaxation
             assert isinstance(relaxation, MultilevelRelaxation)
-            relaxation.run(CHUNK)
+            relaxation.run(BURST)
             for pace, residual in RESIDUALS.items():
                 relaxation.update_anisotropy(np.array([residual]))
                 for _ in range(WARMING):
-                    relaxation.run(CHUNK)
-                launches = len(launches_of(lambda: relaxation.iterate(CHUNK))) / CHUNK  # noqa: B023 - called at once
+                    relaxation.run(BURST)
+                launches = len(launches_of(lambda: relaxation.iterate(BURST))) / BURST  # noqa: B023 - called at once
                 rounds = microseconds(relaxation)
                 figures.add(f"{size}.{pace.replace(' ', '_')}", rounds, "us a round")
                 figures.add(f"{size}.{pace.replace(' ', '_')}.launches", launches, "launches a round")

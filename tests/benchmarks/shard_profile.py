@@ -85,19 +85,19 @@ def watch_relaxing(owner: Any) -> None:
     relax = owner.relax_items
 
     def staged(relaxation: Any, *arguments: Any, **named: Any) -> Any:
-        named.pop("on_chunk", None)
+        named.pop("on_burst", None)
         parts = iter(PARTS)
         name, ends = next(parts)
         stage = Stage(f"relaxing {name}")
 
-        def on_chunk(iteration: int, _: Any) -> None:
+        def on_burst(iteration: int, _: Any) -> None:
             nonlocal stage, ends
             if ends(iteration, relaxation.active_fraction):
                 stage.end()
                 name, ends = next(parts)
                 stage = Stage(f"relaxing from {iteration:,} iterations {name}")
 
-        outcomes = relax(relaxation, *arguments, on_chunk=on_chunk, **named)
+        outcomes = relax(relaxation, *arguments, on_burst=on_burst, **named)
         stage.end()
         shapes = hashlib.sha256(b"".join(outcome.points.tobytes() for outcome in outcomes)).hexdigest()[:12]
         print(f"{sum(outcome.iterations for outcome in outcomes)} iterations, shapes {shapes}")

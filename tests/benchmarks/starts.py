@@ -27,7 +27,7 @@ from methods_scenes import STIFFNESS, Case
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import collider_updates, start_coarse, tolerance_of
 from warp_cloth.model.result import Status
-from warp_cloth.solver.loop import CHUNK, relax_to_rest
+from warp_cloth.solver.loop import BURST, relax_to_rest
 
 LIMIT = 20_000
 
@@ -47,8 +47,8 @@ def fitted(case: Case, device: str, start: int, further: int) -> tuple[float, st
         follow=collider_updates(problem),
         ahead=False,
     )
-    for _ in range(further // CHUNK):
-        problem.relaxation.run(CHUNK)
+    for _ in range(further // BURST):
+        problem.relaxation.run(BURST)
     displacement = 1e3 * np.linalg.norm(problem.model.points() - outcome.points, axis=1)
     work = outcome.iterations + sum(level.iterations * level.vertices for level in levels) / problem.model.vertex_count
     rounds = work if outcome.status is Status.AT_REST else math.inf

@@ -2,7 +2,7 @@
 
     pytest tests/benchmarks --benchmark-only
 
-Each round is a chunk of CHUNK iterations. Beside pytest-benchmark's table there are lines ``name value``:
+Each round is a burst of BURST iterations. Beside pytest-benchmark's table there are lines ``name value``:
 microseconds per iteration, vertex-iterations per second, and the compulsory bytes of an iteration per second as a
 share of what the device copies per second (above 1 where a processor's caches hold the garment). They are what
 --benchmark-json saves as ``extra_info``, too.
@@ -32,7 +32,7 @@ from warp_cloth.solver.step_options import StepOptions
 from warp_cloth.study.footprint import iteration_bytes
 from warp_cloth.study.launches import launches_of
 
-CHUNK = 20  # iterations in a graph, as in a fit
+BURST = 20  # iterations in a graph, as in a fit
 ROUNDS = 20
 COPIED = 1 << 26  # bytes of the copy that measures the memory's speed: larger than caches
 FABRICS = {
@@ -67,12 +67,12 @@ def timed(benchmark: Any, relaxation: Relaxation) -> None:
     model = relaxation.model
     wp.force_load(model.device, modules=[kernel.module for kernel in relaxation.kernels()])
 
-    def chunk() -> None:
-        relaxation.run(CHUNK)
+    def burst() -> None:
+        relaxation.run(BURST)
         wp.synchronize_device(model.device)
 
-    benchmark.pedantic(chunk, rounds=ROUNDS, warmup_rounds=1)
-    seconds = benchmark.stats.stats.median / CHUNK
+    benchmark.pedantic(burst, rounds=ROUNDS, warmup_rounds=1)
+    seconds = benchmark.stats.stats.median / BURST
     moved = iteration_bytes(launches_of(lambda: relaxation.iterate(2))) / 2
     benchmark.extra_info["vertices"] = model.vertex_count
     benchmark.extra_info["microseconds_per_iteration"] = 1e6 * seconds

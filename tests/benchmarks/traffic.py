@@ -33,7 +33,7 @@ import warp as wp
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import load_problem
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.loop import CHUNK
+from warp_cloth.solver.loop import BURST
 from warp_cloth.study.footprint import footprint_of
 from warp_cloth.study.timing import TIMED, TimedFit
 
@@ -128,8 +128,8 @@ class Replay(TimedFit):
             self.check()
 
     def _run(self, count: int) -> None:
-        for _ in range(count // CHUNK):
-            self._problem.relaxation.run(CHUNK)
+        for _ in range(count // BURST):
+            self._problem.relaxation.run(BURST)
         self.iteration += count
 
 

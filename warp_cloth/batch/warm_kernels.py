@@ -13,7 +13,7 @@ from warp_cloth.kernels.base.options import FEW
 from warp_cloth.scene import Scene
 from warp_cloth.scene.shapes import SphereShape, SquareShape
 from warp_cloth.scene.wearables import AvatarSpec
-from warp_cloth.solver.loop import CHUNK
+from warp_cloth.solver.loop import BURST
 
 log = logging.getLogger(__name__)
 
@@ -31,9 +31,9 @@ def load_kernels(scene: Scene, device: str) -> None:
         problem = build_problem([small] * MANY, [outfit] * MANY, device)
         for balanced in (False, True):
             problem.relaxation.update_anisotropy(np.full(MANY, 0.0 if balanced else np.inf))
-            problem.relaxation.run(CHUNK)
-            problem.certifier.measure(CHUNK)
-            problem.certifier.take_snapshot(CHUNK)
+            problem.relaxation.run(BURST)
+            problem.certifier.measure(BURST)
+            problem.certifier.take_snapshot(BURST)
     except Exception as error:
         log.info("kernels are not warmed up: %s", error)
 

@@ -14,7 +14,7 @@ from warp_cloth.garment.garment import Garment
 from warp_cloth.kernels.contact.untangle import Untangling
 from warp_cloth.model.permutation import Permutation
 
-LAYER_REACH = 0.01  # [m]; greatest depth of one garment inside another once both are sewn
+LAYER_DEPTH = 0.01  # [m]; greatest depth of one garment inside another once both are sewn
 
 
 def sheet_untangling(sheets: Sheets, garments: Sequence[Garment], permutation: Permutation) -> Any:
@@ -42,7 +42,7 @@ def sheet_untangling(sheets: Sheets, garments: Sequence[Garment], permutation: P
     untangling.crosses, untangling.level = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
     untangling.age, untangling.next_age = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
     untangling.outward = wp.full(count, 1.0, dtype=wp.float32)
-    untangling.layer_reach = LAYER_REACH
+    untangling.layer_depth = LAYER_DEPTH
     untangling.sum = wp.zeros((count, 4), dtype=wp.int64)
     untangling.count = wp.zeros(3, dtype=wp.int32)
     untangling.nearest = wp.zeros(count, dtype=wp.int64)

@@ -122,8 +122,8 @@ def start_where_left(problem: Problem, outcome: Outcome) -> None:
         problem.relaxation.set_collider(0, problem.contact.collider(outcome.points))
 
 
-def relax_problem(problem: Problem, on_chunk: Callable[[int, Relaxation], None] | None = None) -> list[Outcome]:
-    """Relaxes the items of a problem; ``on_chunk`` as in ``relax_items``."""
+def relax_problem(problem: Problem, on_burst: Callable[[int, Relaxation], None] | None = None) -> list[Outcome]:
+    """Relaxes the items of a problem; ``on_burst`` as in ``relax_items``."""
     return relax_items(
         problem.relaxation,
         problem.certifier,
@@ -131,7 +131,7 @@ def relax_problem(problem: Problem, on_chunk: Callable[[int, Relaxation], None] 
         follow=collider_updates(problem),
         schedule=problem.schedule,
         crosses=problem.crossing_items,
-        on_chunk=on_chunk,
+        on_burst=on_burst,
     )
 
 

@@ -16,7 +16,7 @@ from warp_cloth.base.mesh import Points
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.contact_schedule import ContactSchedule
-from warp_cloth.solver.loop import CHUNK, Follow, relax_to_rest
+from warp_cloth.solver.loop import BURST, Follow, relax_to_rest
 from warp_cloth.solver.relax import Relaxation
 
 # Largest displacement of the surface near the garment in one step [m]: a fraction of what the cloth can move in a
@@ -75,8 +75,8 @@ def follow_poses(
             cloth = contact.move(start + step / count * (end - start), relaxation.model.points())
             _place(relaxation.model, cloth)
             relaxation.set_collider(0, contact.collider(cloth, audited=False))
-            relaxation.run(CHUNK)
-            iterations += CHUNK
+            relaxation.run(BURST)
+            iterations += BURST
         steps += count
     relaxation.set_collider(0, contact.collider(relaxation.model.points()))
     return PoseRun(len(poses), steps, iterations)

@@ -18,7 +18,7 @@ from warp_cloth.solver.relax import Relaxation
 CALM_MOMENTUM = 0.9
 MOST_SEWING = 1000  # iterations after which a seam that will not close is left as it is
 CHECK_EVERY = 500  # iterations between checks for new crossings: a pose may have pushed cloth through
-ROOMY = 0.5  # fraction of the memory for pairs; below it the next chunk does not wait for the measurement
+ROOMY = 0.5  # fraction of the memory for pairs; below it the next burst does not wait for the measurement
 MOST_UNTANGLING = 2000  # iterations after which momentum may help where calm did not
 
 
@@ -76,7 +76,7 @@ class ContactSchedule:
     def react(self) -> None:
         """Enlarges the memory for pairs if they overflowed unexpectedly, and untangles what crosses again.
 
-        On every device that happens one chunk after it was measured.
+        On every device that happens one burst after it was measured.
         """
         if self._overflows:
             self._cloth_contact.grow()

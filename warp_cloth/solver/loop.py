@@ -33,9 +33,9 @@ Boxes = Floats  # lowest and highest corner of some items [m], shape [N, 2, 3]
 # Given items and their boxes, new colliders for those that the old ones no longer cover.
 Follow = Callable[[Sequence[int], Boxes], dict[int, Collider]]
 Crosses = Callable[[Sequence[int]], Sequence[int]]  # which of some items' cloth passes through cloth now
-CHUNK = 20  # iterations in a captured graph: enough to hide a launch, few enough to follow a fall
-CHUNKS_PER_CHECK = 5  # the certificate costs about two iterations
-FALL = 0.01  # [m]; the boxes of cloth that moved further since the last check are measured after every chunk
+BURST = 20  # iterations in a captured graph: enough to hide a launch, few enough to follow a fall
+BURSTS_PER_CHECK = 5  # the certificate costs about two iterations
+FALL = 0.01  # [m]; the boxes of cloth that moved further since the last check are measured after every burst
 
 
 # Iterations after which items that pass through themselves end, where their goal says so, to be relaxed again with
@@ -70,17 +70,17 @@ class Outcome:
     cut_short: CutShort | None = None  # None: it is at rest, diverged, or used up its iterations
 
 
-def chunks(relaxation: Relaxation) -> tuple[int, ...]:
+def bursts(relaxation: Relaxation) -> tuple[int, ...]:
     """Iterations of each graph between two checks, if nothing has to be done in between."""
-    return (CHUNK * CHUNKS_PER_CHECK,) if relaxation.runs_long else (CHUNK,) * CHUNKS_PER_CHECK
+    return (BURST * BURSTS_PER_CHECK,) if relaxation.runs_long else (BURST,) * BURSTS_PER_CHECK
 
 
 class FrameRecorder:
     """Records shapes at iteration counts that grow geometrically: cloth moves most at the start."""
 
     def __init__(self, count: int, limit: int) -> None:
-        wanted = np.geomspace(CHUNK, max(limit, CHUNK), 4 * count) if count else np.zeros(0)
-        self._due = sorted({round(number / CHUNK) * CHUNK for number in wanted})
+        wanted = np.geomspace(BURST, max(limit, BURST), 4 * count) if count else np.zeros(0)
+        self._due = sorted({round(number / BURST) * BURST for number in wanted})
         self.frames: list[tuple[int, NDArray[np.float32]]] = []
 
     def offer(self, iteration: int, relaxation: Relaxation) -> None:
@@ -134,7 +134,7 @@ def relax_to_rest(
         schedule=schedule,
         crosses=crosses,
         on_check=report if on_check is not None else None,
-        on_chunk=recorder.offer if frames else None,
+        on_burst=recorder.offer if frames else None,
         ahead=ahead,
     )
     outcome.frames = recorder.frames
@@ -150,17 +150,17 @@ def relax_items(
     schedule: ContactSchedule | None = None,
     crosses: Crosses | None = None,
     on_check: Callable[[Measurement, float], None] | None = None,
-    on_chunk: Callable[[int, Relaxation], None] | None = None,
+    on_burst: Callable[[int, Relaxation], None] | None = None,
     ahead: bool | None = None,
 ) -> list[Outcome]:
-    """Runs iterations of all items in chunks, checks every few of them, and retires each item as it ends.
+    """Runs iterations of all items in bursts, checks every few of them, and retires each item as it ends.
 
     Every item is checked after the same iterations as it would be alone: that, and arithmetic that does not depend on
     the other items, gives it the same bits alone and in a batch.
 
-    A GPU runs the next chunk while a check is read, unless what comes next depends on it. An item that turns out to
+    A GPU runs the next burst while a check is read, unless what comes next depends on it. An item that turns out to
     have ended is restored to the shape that was checked; new colliders, and memory for more contact pairs, take effect
-    a chunk after the measurement that called for them, on every device.
+    a burst after the measurement that called for them, on every device.
 
     Args:
         relaxation: what iterates.
@@ -170,11 +170,11 @@ def relax_items(
         schedule: of contact of cloth with cloth; such a scene is a single item.
         crosses: tells which items' cloth passes through cloth, for goals that end there.
         on_check: called with every measurement of all items, and the seconds so far.
-        on_chunk: called after every chunk with its last iteration; positions are those of the last update_model.
+        on_burst: called after every burst with its last iteration; positions are those of the last update_model.
         ahead: whether iterations run while a check is read; None: if that saves time. Must be off if more iterations
             follow the end: displacements and stiffness bounds are not restored.
     """
-    return _Loop(relaxation, certifier, goals, follow, schedule, crosses, on_check, ahead).run(on_chunk)
+    return _Loop(relaxation, certifier, goals, follow, schedule, crosses, on_check, ahead).run(on_burst)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +189,7 @@ class _Pending:
     @property
     def whole(self) -> bool:
         """Whether the check is of all items, not only of those that end by their limit."""
-        return self.iteration % (CHUNK * CHUNKS_PER_CHECK) == 0
+        return self.iteration % (BURST * BURSTS_PER_CHECK) == 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +221,7 @@ class _Loop:
         self._ahead = wp.get_device(relaxation.model.device).is_cuda if ahead is None else ahead
         self._active = list(range(len(goals)))
         self._falling = list(self._active)
-        self._positions: _Positions | None = None  # which colliders are to follow after the next chunk
+        self._positions: _Positions | None = None  # which colliders are to follow after the next burst
         self._boxes = np.zeros((len(goals), 2, 3))  # of each item when its collider last followed,
         self._followed_at = np.zeros(len(goals), dtype=np.int64)  # and after which iteration that was
         self._outcomes: dict[int, Outcome] = {}
@@ -230,7 +230,7 @@ class _Loop:
         self._crosses = crosses if any(goal.ends_crossing for goal in goals) else None
         self._began = time.perf_counter()
 
-    def run(self, on_chunk: Callable[[int, Relaxation], None] | None) -> list[Outcome]:
+    def run(self, on_burst: Callable[[int, Relaxation], None] | None) -> list[Outcome]:
         relaxation = self._relaxation
         relaxation.restart()
         iteration = 0
@@ -242,15 +242,15 @@ class _Loop:
             if not self._active:
                 break
             # every item stops at its own limit; others are not checked there
-            chunk = self._chunk(pending, on_chunk is not None)
-            count = min(chunk, min(self._goals[item].limit for item in self._active) - iteration)
+            burst = self._burst(pending, on_burst is not None)
+            count = min(burst, min(self._goals[item].limit for item in self._active) - iteration)
             iteration += count
             relaxation.run(count, **self._shown(iteration))
-            if on_chunk is not None:
-                on_chunk(iteration, relaxation)
+            if on_burst is not None:
+                on_burst(iteration, relaxation)
             if late:
                 self._decide(pending, late=True)
-            if iteration % CHUNK == 0:
+            if iteration % BURST == 0:
                 self._react()
             if not self._active:
                 break
@@ -262,7 +262,7 @@ class _Loop:
         return [self._outcomes[item] for item in range(len(self._goals))]
 
     def _runs_ahead(self, pending: _Pending) -> bool:
-        """Whether the next chunk may begin before the pending measurement is read."""
+        """Whether the next burst may begin before the pending measurement is read."""
         if not self._ahead or pending.ending or self._looks_for_crossings(pending.iteration):
             return False
         return self._schedule is None or pending.measurement is None or not self._schedule.must_wait
@@ -270,27 +270,27 @@ class _Loop:
     def _looks_for_crossings(self, iteration: int) -> bool:
         return self._crosses is not None and iteration in CROSSING_CHECKS
 
-    def _chunk(self, pending: _Pending, reported: bool) -> int:
-        """Iterations until something may have to be done; ``reported``: every chunk is."""
+    def _burst(self, pending: _Pending, reported: bool) -> int:
+        """Iterations until something may have to be done; ``reported``: every burst is."""
         follows = self._follow is not None and bool(self._falling)
-        whole = CHUNK if reported or follows or not self._relaxation.runs_long else CHUNK * CHUNKS_PER_CHECK
+        whole = BURST if reported or follows or not self._relaxation.runs_long else BURST * BURSTS_PER_CHECK
         return whole - pending.iteration % whole
 
     def _shown(self, iteration: int) -> dict[str, bool]:
-        """Options of a chunk that ends after so many iterations: positions are unpacked only if they will be read.
+        """Options of a burst that ends after so many iterations: positions are unpacked only if they will be read.
 
         Those of a single garment always are: capturing another graph would take longer.
         """
         at_limit = any(self._goals[item].limit <= iteration for item in self._active)
         follows = self._follow is not None and bool(self._falling)
-        read = follows or at_limit or iteration % (CHUNK * CHUNKS_PER_CHECK) == 0
+        read = follows or at_limit or iteration % (BURST * BURSTS_PER_CHECK) == 0
         lone = self._schedule is None and len(self._goals) == 1
         return {} if read or lone or not self._relaxation.stays_packed else {"shown": False}
 
     def _request(self, iteration: int) -> _Pending:
         """Requests from the device what is to be decided after these iterations."""
         ending = frozenset(item for item in self._active if self._goals[item].limit <= iteration)
-        if iteration % (CHUNK * CHUNKS_PER_CHECK) == 0:
+        if iteration % (BURST * BURSTS_PER_CHECK) == 0:
             if self._schedule is not None:
                 self._schedule.request(iteration, ahead=self._ahead)
             measurement = self._certifier.start_measurement(iteration)
@@ -298,7 +298,7 @@ class _Loop:
             return _Pending(iteration, measurement, None, ending)
         if ending:
             return _Pending(iteration, self._certifier.start_measurement(iteration), None, ending)
-        follows = self._follow is not None and self._falling and iteration % CHUNK == 0
+        follows = self._follow is not None and self._falling and iteration % BURST == 0
         if follows:
             self._relaxation.update_model()
         return _Pending(iteration, None, self._certifier.request_bounds(self._falling) if follows else None, ending)
@@ -383,7 +383,7 @@ class _Loop:
         self._update_colliders(positions)
 
     def _update_colliders(self, positions: _Positions) -> None:
-        """Gives new colliders to items that have left the region of the old ones, or will have in a chunk."""
+        """Gives new colliders to items that have left the region of the old ones, or will have in a burst."""
         checked = positions.moved is not None
         moving = self._active if checked else [item for item in self._falling if item in self._active]
         finite = np.asarray(np.isfinite(positions.boxes).all(axis=(1, 2)))  # the next check retires the others
@@ -391,7 +391,7 @@ class _Loop:
         now = positions.boxes[items]
         if positions.iteration > 0 and self._follow is not None and items:
             since = positions.iteration - self._followed_at[items]
-            soon = now + (now - self._boxes[items]) * (CHUNK / since)[:, None, None]
+            soon = now + (now - self._boxes[items]) * (BURST / since)[:, None, None]
             region = np.stack([np.minimum(now, soon)[:, 0], np.maximum(now, soon)[:, 1]], axis=1)
             for item, collider in self._follow(items, region).items():
                 self._relaxation.set_collider(item, collider)

@@ -1,4 +1,4 @@
-"""A chunk of iterations in the patches' own order of vertices: put so before, put back after."""
+"""A burst of iterations in the patches' own order of vertices: put so before, put back after."""
 
 from __future__ import annotations
 

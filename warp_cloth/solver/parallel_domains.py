@@ -24,7 +24,7 @@ LEAST = 1500  # vertices of a domain: with fewer, starting and waiting take as l
 MOST = 8  # threads, where none are asked for
 PATIENCE = 120.0  # [s] at least that a thread waits for another one, for what takes milliseconds
 AT_WORK = 2 / 3  # share of the time that threads must have their cores, or they wait for each other in vain
-LONGEST_PAUSE = 64  # chunks
+LONGEST_PAUSE = 64  # bursts
 
 
 def thread_count(asked: int | None, vertex_count: int) -> int:
@@ -37,7 +37,7 @@ def thread_count(asked: int | None, vertex_count: int) -> int:
 class ParallelDomains:
     """The domains of a relaxation's model, and the threads that iterate them.
 
-    Between chunks of iterations the model has everything: each chunk copies domains from it first, and back at last.
+    Between bursts of iterations the model has everything: each burst copies domains from it first, and back at last.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class ParallelDomains:
         self._usleep = ctypes.cast(ctypes.CDLL(None).usleep, ctypes.c_void_p).value
         self._pool = concurrent.futures.ThreadPoolExecutor(count - 1)
         self._pause = Pause()
-        self._others: list[concurrent.futures.Future[float]] = []  # of the last chunk that was iterated together
+        self._others: list[concurrent.futures.Future[float]] = []  # of the last burst that was iterated together
         self._at_work, self._seconds = 0.0, 0.0  # of this thread in it
 
     @property
@@ -66,11 +66,11 @@ class ParallelDomains:
 
     @property
     def looks_first(self) -> bool:
-        """Whether compliances are updated by one thread, before a chunk of iterations only."""
+        """Whether compliances are updated by one thread, before a burst of iterations only."""
         return self._anisotropic_step is not None and not self._anisotropic_step.scatters
 
     def kernels(self) -> list[wp.Kernel]:
-        """The kernels that a chunk launches besides those of one thread."""
+        """The kernels that a burst launches besides those of one thread."""
         return [self._kernels.gather_domain, meet_threads, self._kernels.scatter_domain]
 
     def capture(self, step: Any, collider_data: Any, looks: Sequence[bool]) -> list[Any]:
@@ -110,7 +110,7 @@ class ParallelDomains:
         wp.launch(meet_threads, dim=1, inputs=inputs, device=self._model.device)
 
     def pays(self) -> bool:
-        """Whether the next chunk is to be iterated together: not for a while where cores were busy with other work."""
+        """Whether the next burst is to be iterated together: not for a while where cores were busy with other work."""
         self._end()
         return self._pause.over()
 
@@ -150,7 +150,7 @@ class ParallelDomains:
             raise RuntimeError(f"a thread waited {PATIENCE:.0f} s for another one; set solver.threads = 1")
 
     def _end(self) -> None:
-        """Looks at how the last chunk went, whose threads have ended by now."""
+        """Looks at how the last burst went, whose threads have ended by now."""
         if self._others:
             at_work = self._at_work + sum(other.result() for other in self._others)
             self._others.clear()
@@ -164,7 +164,7 @@ class Pause:
         self._left, self._next = 0, 1
 
     def over(self) -> bool:
-        """Whether they are to go together now; else one chunk less is left of the pause."""
+        """Whether they are to go together now; else one burst less is left of the pause."""
         self._left = max(self._left - 1, -1)
         return self._left < 0
 

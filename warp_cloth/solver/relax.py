@@ -33,7 +33,7 @@ TIGHTER = 4.0  # times ``loose``: what is loose stays so till then, and does not
 
 
 class Relaxation:
-    """Owns the scratch memory of a model's iterations and runs them in captured chunks.
+    """Owns the scratch memory of a model's iterations and runs them in captured bursts.
 
     ``colliders`` are those of the items, all of one kind; ``caps`` their largest displacements [m], by default that
     of the options. ``cloth_contact`` is the contact of cloth with cloth; None: it passes through itself.
@@ -183,7 +183,7 @@ class Relaxation:
 
     @property
     def runs_long(self) -> bool:
-        """Whether a long chunk takes less than several short ones, as vertices are packed, and changes nothing else."""
+        """Whether a long burst takes less than several short ones, as vertices are packed, and changes nothing else."""
         return self._packed is not None and self.avatar_contact is None and self.cloth_contact is None
 
     @property
@@ -241,7 +241,7 @@ class Relaxation:
                 self.cloth_contact.add_forces(self.step, state)
 
     def _update_compliance(self, state: Any) -> None:
-        """Where it is due by the iterations since the start, whatever chunks they are run in."""
+        """Where it is due by the iterations since the start, whatever bursts they are run in."""
         if (
             self._anisotropic_step is not None
             and self._items["anisotropy_limit"].any()
@@ -296,7 +296,7 @@ class Relaxation:
         return self.cloth_contact.divide_blocks(self.model.patches.count)
 
     def run(self, iterations: int, *, shown: bool = True) -> None:
-        """Runs a chunk of iterations as one captured graph, without waiting for the device.
+        """Runs a burst of iterations as one captured graph, without waiting for the device.
 
         The kernels must be loaded: capture records launches only. ``shown``: whether the model is to know where the
         cloth is then; else nothing may ask it but after ``update_model``, and nothing move it but more iterations.
@@ -323,12 +323,12 @@ class Relaxation:
             iterations -= part
 
     def update_model(self) -> None:
-        """Writes the cloth to the model's State, after chunks that were not ``shown``."""
+        """Writes the cloth to the model's State, after bursts that were not ``shown``."""
         if self._packed is not None and self._packed.ahead:
             self._packed.unpack()
 
     def _captured_shares(self, together: ParallelDomains, iterations: int) -> list[Any]:
-        """The graphs of the next chunk's shares."""
+        """The graphs of the next burst's shares."""
         which = iterations, self._done % self._renewal
         if which not in self._shares_graphs:
             loose = bool(self._items["anisotropy_limit"].any())
@@ -337,11 +337,11 @@ class Relaxation:
         return self._shares_graphs[which]
 
     def _whole(self, shown: bool) -> bool:
-        """Whether the next chunk's graph begins and ends where the model has the cloth."""
+        """Whether the next burst's graph begins and ends where the model has the cloth."""
         return shown and not (self._packed is not None and self._packed.ahead)
 
     def capture(self, iterations: int, *, shown: bool = True) -> Any:
-        """The graph of the next chunk, which ``run`` would capture now if it had not been captured before."""
+        """The graph of the next burst, which ``run`` would capture now if it had not been captured before."""
         done, whole = self._done, self._whole(shown)
         which = iterations, done % self._renewal, whole
         if which not in self._graphs:

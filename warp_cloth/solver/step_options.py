@@ -27,7 +27,7 @@ class StepOptions:
         next vertex's trembling outweighs the fold's own: 0.9 made the last millimetre of a T-shirt 5 times slower.
     viscosity: share of an edge's stiffness that resists its ends' moving apart; it stills the trembling instead.
     buckling: share of that which acts across what is shorter than at rest, in worn cloth: all of it holds folds back.
-    reach: the stiffness bound allows for an edge changing its length by this many times its last change.
+    allowance: the stiffness bound allows for an edge changing its length by this many times its last change.
     memory: share of a vertex's stiffness bound kept from one iteration to the next; where the bound grows, momentum
         (stiffness times displacement) is what is kept. Without it the changing steps feed the cloth's swinging.
     memory_falling: the same for worn cloth until its forces first balance: it falls more than twice as fast.
@@ -48,7 +48,7 @@ class StepOptions:
     damping: float = 0.985
     viscosity: float = 0.02
     buckling: float = 0.1
-    reach: float = 1.0
+    allowance: float = 1.0
     memory: float = 0.99
     memory_falling: float = 0.9
     anisotropy_limit: float = 100.0
@@ -67,7 +67,16 @@ def build_step(options: StepOptions, precision: str) -> Any:
     types = cloth_types(precision)
     step = types.Step()
     step.gravity = types.vec3(0.0, -1.0, 0.0)
-    for name in ("reach", "momentum", "momentum_loose", "damping", "viscosity", "buckling", "memory", "memory_falling"):
+    for name in (
+        "allowance",
+        "momentum",
+        "momentum_loose",
+        "damping",
+        "viscosity",
+        "buckling",
+        "memory",
+        "memory_falling",
+    ):
         setattr(step, name, getattr(options, name))
     step.horizon = options.renewal
     return step

@@ -60,7 +60,7 @@ class StoppedRun:
 
 
 def run_with_stops(scene: Scene, device: str, stops: Collection[int]) -> list[RunState]:
-    """Runs a scene to its end; returns its states after those iterations (ends of chunks) and at the end."""
+    """Runs a scene to its end; returns its states after those iterations (ends of bursts) and at the end."""
     clock, cache = StageClock(), Cache()
     problem = load_problem(scene, device, cache=cache, clock=clock)
     loading = sum(spent for stage, spent in clock.seconds.items() if stage != "compile")  # compiled once for all scenes
@@ -73,7 +73,7 @@ def run_with_stops(scene: Scene, device: str, stops: Collection[int]) -> list[Ru
         [goal],
         follow=collider_updates(problem),
         schedule=problem.schedule,
-        on_chunk=recorder.record,
+        on_burst=recorder.record,
     )
     relaxing = recorder.elapsed()
     ends = [

@@ -12,17 +12,17 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.fitting.problem import Problem, collider_updates
-from warp_cloth.solver.loop import CHUNK, CHUNKS_PER_CHECK, chunks
+from warp_cloth.solver.loop import BURST, BURSTS_PER_CHECK, bursts
 from warp_cloth.study.launches import Launch, launches_of
 
 # Iterations recorded launch by launch: an even number, as two iterations swap arrays where forces are gathered.
 # Where cloth meets cloth enough of them to include searches for near pairs, which few iterations run.
 RECORDED, RECORDED_TOUCHING = 20, 100
-TIMED = CHUNK * CHUNKS_PER_CHECK  # iterations between two checks of a fit
+TIMED = BURST * BURSTS_PER_CHECK  # iterations between two checks of a fit
 WARM_UP_TOUCHING = 12  # rounds of warm-up where cloth meets cloth: contact begins when the seams have closed
 SHORTEST_RUN = 0.5  # [s] of timing
 FEWEST_ROUNDS = 5
-LONG = 5.0  # [s] of iterations after which the next chunk, or the next round, is left out
+LONG = 5.0  # [s] of iterations after which the next burst, or the next round, is left out
 EMPTY_CHECKS = 100  # timed together
 OUTLIER = 4.0  # times the median of repeated timings: anything longer was another process
 LEAST = 0.02  # fraction of a launch's timing that counts as its own: less cannot be distinguished from none
@@ -108,9 +108,9 @@ class TimedFit:
     def __init__(self, problem: Problem) -> None:
         self._problem, self._follow = problem, collider_updates(problem)
         self.iteration = 0
-        self._chunks = chunks(problem.relaxation)
+        self._bursts = bursts(problem.relaxation)
         at_once = RECORDED if problem.schedule is None else RECORDED_TOUCHING
-        self._recorded = self._chunks if problem.relaxation.runs_long else (at_once,)
+        self._recorded = self._bursts if problem.relaxation.runs_long else (at_once,)
         self.recorded = sum(self._recorded)
         self._wake = [wp.zeros(1, dtype=wp.int32, device=problem.model.device) for _ in range(2)]
         self._cold = 1 if problem.schedule is None else WARM_UP_TOUCHING  # rounds of warm-up left
@@ -130,11 +130,11 @@ class TimedFit:
     def advance(self) -> tuple[int, float]:
         """Iterates to the next check, or less far where that takes long; returns the iterations and their seconds."""
         relaxation, device = self._problem.relaxation, self._problem.model.device
-        for count in set(self._chunks):
+        for count in set(self._bursts):
             relaxation.capture(count)
         wp.synchronize_device(device)
         done, began = 0, time.perf_counter()
-        for count in self._chunks:
+        for count in self._bursts:
             if time.perf_counter() - began <= LONG:
                 relaxation.run(count)
                 done += count

@@ -23,9 +23,9 @@ from warp_cloth.model.result import WornGarment
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.solver.certificate.certifier import Check
 
-CHUNK = 20  # iterations between two pictures, at most
-LEAST_CHUNK = 5
-SLOW, FAST = 0.06, 0.02  # [s] for a chunk; slower ones are halved, faster ones doubled: at least 10 pictures a second
+BURST = 20  # iterations between two pictures, at most
+LEAST_BURST = 5
+SLOW, FAST = 0.06, 0.02  # [s] for a burst; slower ones are halved, faster ones doubled: at least 10 pictures a second
 CHECK_ITERATIONS = 100  # between two checks
 PLOT_POINTS = 400  # beyond that, every second point is dropped
 BODY_MEASURES = ("stature", "chest", "waist", "hip")
@@ -65,7 +65,7 @@ def merged_overrides(now: Mapping[str, str], new: Mapping[str, str | None], firs
 
 
 class LiveFit:
-    """A scene that relaxes in chunks of iterations; a change keeps the worn shape where possible."""
+    """A scene that relaxes in bursts of iterations; a change keeps the worn shape where possible."""
 
     def __init__(
         self,
@@ -98,7 +98,7 @@ class LiveFit:
         self.history = History()
         self.check: Check | None = None
         self._unchecked = 0
-        self._chunk = CHUNK
+        self._burst = BURST
         self._seconds = 0.0
         self.points: Points = self.problem.model.points()
         if self.problem.schedule is not None:
@@ -127,12 +127,12 @@ class LiveFit:
         return {name: float(getattr(measures, name)) for name in BODY_MEASURES}
 
     def advance(self) -> None:
-        """Runs a chunk of iterations; checks the certificate now and then."""
+        """Runs a burst of iterations; checks the certificate now and then."""
         if self.ended:
             return
         began = time.perf_counter()
         problem = self.problem
-        count = min(self._chunk, CHECK_ITERATIONS - self._unchecked)
+        count = min(self._burst, CHECK_ITERATIONS - self._unchecked)
         problem.relaxation.run(count)
         points = problem.model.points()
         self.iteration += count
@@ -140,9 +140,9 @@ class LiveFit:
         spent = time.perf_counter() - began
         self._seconds += spent
         if spent > SLOW:
-            self._chunk = max(self._chunk // 2, LEAST_CHUNK)
+            self._burst = max(self._burst // 2, LEAST_BURST)
         elif spent < FAST:
-            self._chunk = min(2 * self._chunk, CHUNK)
+            self._burst = min(2 * self._burst, BURST)
         if not np.isfinite(points).all():
             self.diverged = True
             return

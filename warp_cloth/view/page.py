@@ -64,7 +64,7 @@ class Page:
         self._stopped.set()
 
     def run(self) -> None:
-        """The loop: apply changes, relax a chunk, show it; until ``stop``."""
+        """The loop: apply changes, relax a burst, show it; until ``stop``."""
         try:
             while not self._stopped.is_set():
                 began = time.perf_counter()
@@ -76,7 +76,7 @@ class Page:
             self._server.stop()
 
     def _step(self) -> bool:
-        """Applies changes, relaxes a chunk and shows it; False if there was nothing to do."""
+        """Applies changes, relaxes a burst and shows it; False if there was nothing to do."""
         with self._work:
             changed, self._stale = self._apply() or self._stale, False
             moving = self._is_moving()

@@ -34,7 +34,7 @@ from warp_cloth.kernels.base.options import (
 )
 from warp_cloth.model.patches.members import Chunk, Members, edge_numbers, packed_bits, word_count
 from warp_cloth.model.patches.spread import spread_places
-from warp_cloth.model.patches.triangle_pairs import Items
+from warp_cloth.model.patches.tiles import Tiles
 
 SMALLEST = 16  # vertices that a patch owns; below, far more is computed around a patch than in it
 
@@ -323,13 +323,13 @@ def _tables(elements: Elements, places: Floats, terms: Terms, chunk: Chunk, pair
     normal = Members(
         np.concatenate([own.patch, beyond[0]]), np.concatenate([own.element, beyond[1]]), max(len(corners), 1), count
     )
-    items = Items(elements, places, own, chunk.lane) if paired else None
-    if items is None:
+    tiles = Tiles(elements, places, own, chunk.lane) if paired else None
+    if tiles is None:
         normal.arrange(corners[normal.element].min(axis=1), ~own.has(normal.patch, normal.element))
         local_edges.arrange(ends[local_edges.element].min(axis=1))
-        item_count = np.zeros(count, dtype=np.int64)
+        tile_count = np.zeros(count, dtype=np.int64)
     else:
-        item_count = items.arrange(normal, local_edges)
+        tile_count = tiles.arrange(normal, local_edges)
     vertex = Members(
         np.concatenate([chunk.patch, np.repeat(normal.patch, 3), np.repeat(local_edges.patch, 2)]),
         np.concatenate([chunk.vertices, corners[normal.element].ravel(), ends[local_edges.element].ravel()]),
@@ -357,12 +357,12 @@ def _tables(elements: Elements, places: Floats, terms: Terms, chunk: Chunk, pair
         "vertex_start": vertex.start, "vertex_count": vertex.count, "owned_count": chunk.owned,
         "edge_start": local_edges.start, "edge_count": local_edges.count,
         "triangle_start": normal.start, "triangle_count": own.count, "normal_count": normal.count,
-        "slot_start": np.cumsum(slots) - slots, "ranks": ranks, "item_count": item_count,
+        "slot_start": np.cumsum(slots) - slots, "ranks": ranks, "tile_count": tile_count,
     }  # fmt: skip
     return PatchTables(
         patch=patch,
         vertex=vertex.listed,
-        ends=packed_bits(word, QUARTER_BITS) if items is None else items.packed(word, vertex, normal, local_edges),
+        ends=packed_bits(word, QUARTER_BITS) if tiles is None else tiles.packed(word, vertex, normal, local_edges),
         edge=local_edges.listed,
         corners=packed_bits(vertex.find(at, corners[normal.listed]), QUARTER_BITS),
         sides=packed_bits(np.concatenate([local_edges.find(at, edge_numbers(sides)), turned], axis=1), QUARTER_BITS),
@@ -383,16 +383,16 @@ def takes_pairs(terms: Terms, vertices: int | None = None) -> bool:
 
 
 def _too_large(patch: dict[str, Keys], terms: Terms, precision: str) -> NDArray[np.bool_]:
-    """Which patches need more shared memory or threads than a block has, or more than the bits of items can number."""
-    block = block_for(bool(patch["item_count"].any()))
-    over = (_memory(patch, terms, precision) > block.memory) | (patch["item_count"] > block.threads)
+    """Which patches need more shared memory or threads than a block has, or more than the bits of tiles can number."""
+    block = block_for(bool(patch["tile_count"].any()))
+    over = (_memory(patch, terms, precision) > block.memory) | (patch["tile_count"] > block.threads)
     return np.asarray(over | beyond_bits(patch))
 
 
 def beyond_bits(patch: dict[str, Keys]) -> NDArray[np.bool_]:
-    """Which patches have more vertices, normals or edges than the bits of items can number."""
+    """Which patches have more vertices, normals or edges than the bits of tiles can number."""
     most = np.maximum.reduce([patch[name] for name in ("vertex_count", "normal_count", "edge_count")])
-    return np.asarray((patch["item_count"] > 0) & (most > 1 << NUMBER_BITS))
+    return np.asarray((patch["tile_count"] > 0) & (most > 1 << NUMBER_BITS))
 
 
 def _memory(patch: dict[str, Keys], terms: Terms, precision: str) -> Keys:

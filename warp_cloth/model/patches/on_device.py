@@ -25,7 +25,7 @@ from warp_cloth.model.patches.cutting import (
     joined_rows,
     takes_pairs,
 )
-from warp_cloth.model.patches.triangle_pairs import with_constants
+from warp_cloth.model.patches.tiles import with_constants
 from warp_cloth.model.permutation import Permutation
 from warp_cloth.model.upload import upload_concatenated
 
@@ -57,7 +57,7 @@ class Patches:
         self.rank = rank  # position of each vertex in ``order``
         self.overflow = overflow  # memory of patches that are too large for a block's shared memory
         self.fits = wp.get_device(overflow.device).is_cuda and not len(overflow)  # whether none is
-        self.paired = bool(rows[:, list(Patch.vars).index("item_count")].any())  # whether threads work on pairs
+        self.paired = bool(rows[:, list(Patch.vars).index("tile_count")].any())  # whether threads work on pairs
         self.few = few  # whether each core runs few of them at a time
         self.count = len(rows)
 
@@ -112,7 +112,7 @@ def device_patches(source: PatchSource, types: Any, device: str, cache: Cache) -
     rows = _patch_rows(source, each, patch, constants)
     packings = cache.get_or_make_each("packing", [(own,) for own in each], _packing)
     start: list[int] = np.cumsum([0, *(len(part) for part in source.points)]).tolist()  # of each garment's vertices
-    paired = bool(rows["item_count"].any())
+    paired = bool(rows["tile_count"].any())
 
     def packing(name: str) -> wp.array:
         """Numbers of vertices, of all garments' patches."""
@@ -236,7 +236,7 @@ def _patch_constants(elements: Elements, tables: PatchTables, terms: Terms) -> d
         stiffness = elements.hinge_stiffness[tables.edge]
         own = np.column_stack([elements.spring[tables.edge], stiffness]) if terms.edges else stiffness[:, None]
         ends, start, count = tables.ends, tables.patch["edge_start"], tables.patch["edge_count"]
-        if tables.patch["item_count"].any():
+        if tables.patch["tile_count"].any():
             ends, own, start, count = with_constants(ends, tables.patch, own)
         found = {"ends": ends, table: own if terms.edges else own[:, 0]}
         found["constants_start"], found["constants_count"] = start, count

@@ -15,9 +15,9 @@ from warp_cloth.solver.implicit.vertex_pairs import PairTable
 class Linearisation:
     """Owns a model's couplings and launches what computes them."""
 
-    def __init__(self, model: ClothModel, table: PairTable, reach: float) -> None:
+    def __init__(self, model: ClothModel, table: PairTable, allowance: float) -> None:
         types, own, device = cloth_types(model.precision), stiffness_types(model.precision), model.device
-        self._model, self._pairs, self._reach = model, table.pairs, reach
+        self._model, self._pairs, self._allowance = model, table.pairs, allowance
         self.pair_count = len(table.ends)
         self.coupling = wp.zeros(2 * self.pair_count, dtype=own.mat3, device=device)  # S_ij by rows [N/m]
         self.pair = wp.zeros(self.pair_count, dtype=own.vec6, device=device)  # symmetric part of each [N/m]
@@ -37,8 +37,8 @@ class Linearisation:
         if model.hinges is not None:
             self._launch(kernels.linearise_hinges, model.hinge_count, [state, model.hinges, self._gradient])
         if model.weave is not None:
-            self._launch(kernels.linearise_weave, model.weave_count, [state, model.weave, self._reach, self._side])
-        elements = [state, model.edges, self._pairs, self._reach, self._gradient, self._side]
+            self._launch(kernels.linearise_weave, model.weave_count, [state, model.weave, self._allowance, self._side])
+        elements = [state, model.edges, self._pairs, self._allowance, self._gradient, self._side]
         self._launch(kernels.couple_pairs, self.pair_count, [*elements, self.coupling, self.pair])
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any]) -> None:

@@ -97,7 +97,7 @@ class MultilevelRelaxation(Relaxation):
         return super().stays_packed and (self._implicit is None or self._per_vertex)
 
     def run(self, iterations: int, *, shown: bool = True) -> None:
-        """Runs a chunk of iterations as captured graphs; checks every CHECK_EVERY whether seams have closed.
+        """Runs a burst of iterations as captured graphs; checks every CHECK_EVERY whether seams have closed.
 
         Implicit steps run as graphs from one renewal of the coarse levels to the next, captured once for each pace.
         The model's own positions are up to date then.

@@ -25,7 +25,7 @@ class ImplicitOptions:
     free_fall_limit_on_avatar: the same on an avatar, until forces have balanced.
     free_fall_limit_balanced: the same once they have: folds are soft.
     free_fall_growth: factor from step to step. With 1.05 stiff cloth on a ball was still moving when it was reached.
-    reach: the stiffness allows for an edge changing its length by this many times its last change.
+    allowance: the stiffness allows for an edge changing its length by this many times its last change.
     momentum: fraction of the last displacement that the solution starts from; with more, strips keep swinging.
     momentum_on_avatar: the same on an avatar: folds slide over it slowly, and what slides does not swing.
     momentum_balanced: the same once its forces have balanced, and steps have half the iterations.
@@ -55,7 +55,7 @@ class ImplicitOptions:
     free_fall_limit_on_avatar: float = 20e-3
     free_fall_limit_balanced: float = 0.1
     free_fall_growth: float = 1.02
-    reach: float = 1.0
+    allowance: float = 1.0
     momentum: float = 0.9
     momentum_on_avatar: float = 0.95
     momentum_balanced: float = 0.975

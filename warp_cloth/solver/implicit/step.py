@@ -48,7 +48,7 @@ class ImplicitStep:
         self._on_avatar = avatar_contact is not None
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, Accumulate.NONE, self._load)
-        self.linearisation = Linearisation(model, table, options.reach)
+        self.linearisation = Linearisation(model, table, options.allowance)
         starts = np.array(model.vertex_start)
         self._garments = len(starts) - 1
         self._chunks = split_into_chunks(starts, CHUNK, model.device)

@@ -1,10 +1,10 @@
 """Matching of a patch's triangles into pairs, one thread for each pair and some of its edges, on the host.
 
 Two triangles that share an edge have four vertices and five edges: a thread that computes both loads less for each. A
-thread's *item* is such a pair, or a triangle that is left over. An item has the shared edge and up to two of the
-others, so that all items cost about the same; edges that no item has are *loose*.
+thread's *tile* is such a pair, or a triangle that is left over. A tile has the shared edge and up to two of the
+others, so that all tiles cost about the same; edges that no tile has are *loose*.
 
-Items are packed into 64-bit words: three of each item (the first words of all items of a patch, then the second, then
+Tiles are packed into 64-bit words: three of each tile (the first words of all tiles of a patch, then the second, then
 the third), then one word of each loose edge; kernels.base.options has the bits. An edge's constants
 (SpringField) are packed as an index into the different ones of its patch, of which regular cloth has few.
 """
@@ -40,13 +40,13 @@ from warp_cloth.model.patches.members import Keys, Members, Numbers, edge_number
 ALONE = 2  # the side used in place of the shared one where there is none: the corners are a, b, c then
 ROUNDS = 16  # of proposals; triangles left then stay alone
 LOW = 0.6  # weight of a coordinate relative to the one before, where the lower one of two vertices is determined
-OUTER_EDGES = SLOTS - 1  # edges of an item at most, besides the one that its triangles share
+OUTER_EDGES = SLOTS - 1  # edges of a tile at most, besides the one that its triangles share
 
 
 def find_pairs(partner: Keys, edge: Indices, size: Floats, is_first: NDArray[np.bool_]) -> tuple[Keys, Keys]:
     """Greedy matching of triangles across their longest sides: each proposes to its best free neighbour.
 
-    Returns the first triangle of each triangle's item, and the side that a triangle shares, by its opposite corner; -1
+    Returns the first triangle of each triangle's tile, and the side that a triangle shares, by its opposite corner; -1
     where it is alone.
 
     Args:
@@ -77,35 +77,35 @@ def find_pairs(partner: Keys, edge: Indices, size: Floats, is_first: NDArray[np.
     return first, side
 
 
-def assign_edges(edge: Keys, item: Keys, edge_count: int, item_count: int) -> Keys:
-    """The item that takes each edge as one of its OUTER_EDGES, -1 where none does; shape [``edge_count``].
+def assign_edges(edge: Keys, tile: Keys, edge_count: int, tile_count: int) -> Keys:
+    """The tile that takes each edge as one of its OUTER_EDGES, -1 where none does; shape [``edge_count``].
 
     Args:
-        edge: edge of each triangle side that is not shared within its item.
-        item: item of that triangle.
+        edge: edge of each triangle side that is not shared within its tile.
+        tile: tile of that triangle.
     """
     taken = np.full(edge_count, -1)
-    slots_left = np.full(item_count, OUTER_EDGES)
+    slots_left = np.full(tile_count, OUTER_EDGES)
     seen = np.bincount(edge, minlength=edge_count)
-    order = np.lexsort((-item, edge))
+    order = np.lexsort((-tile, edge))
     choices = np.full((edge_count, 2), -1)
     ranked = edge[order]
     rank = np.arange(len(ranked)) - np.searchsorted(ranked, ranked)
     usual = rank < 2
-    choices[ranked[usual], rank[usual]] = item[order][usual]
+    choices[ranked[usual], rank[usual]] = tile[order][usual]
     for choice in (0, 1):
         wants = np.flatnonzero((taken < 0) & (choices[:, choice] >= 0))
         of = choices[wants, choice]
-        by_item = np.lexsort((wants, seen[wants], of))  # edges without another choice come first
-        wants, of = wants[by_item], of[by_item]
+        by_tile = np.lexsort((wants, seen[wants], of))  # edges without another choice come first
+        wants, of = wants[by_tile], of[by_tile]
         gets = np.arange(len(of)) - np.searchsorted(of, of) < slots_left[of]
         taken[wants[gets]] = of[gets]
-        slots_left -= np.bincount(of[gets], minlength=item_count)
+        slots_left -= np.bincount(of[gets], minlength=tile_count)
     return taken
 
 
-class Items:
-    """Items of the triangles that patches own, and their packed words.
+class Tiles:
+    """Tiles of the triangles that patches own, and their packed words.
 
     Args:
         elements: of the garment.
@@ -135,25 +135,25 @@ class Items:
         self._bent, self._across, self._is_first = fold != 0.0, across, is_first
 
     def arrange(self, normal: Members, local_edges: Members) -> Keys:
-        """Numbers triangles and edges as threads work on them; returns the number of items of each patch."""
+        """Numbers triangles and edges as threads work on them; returns the number of tiles of each patch."""
         self._arrange_triangles(normal)
         self._number_edges(local_edges)
         return self._count
 
     def _arrange_triangles(self, normal: Members) -> None:
-        """Numbers the items' first triangles, pairs first, then second ones in the same order, then the rest."""
+        """Numbers the tiles' first triangles, pairs first, then second ones in the same order, then the rest."""
         own = self._own
         self._count = np.bincount(own.patch[~self._is_second], minlength=len(own.count))
-        self._item = self._numbers()[self._first]
+        self._tile = self._numbers()[self._first]
         among = own.member(normal.patch, normal.element)
-        number = (self._item + self._is_second * self._count[own.patch])[among]
+        number = (self._tile + self._is_second * self._count[own.patch])[among]
         normal.arrange(np.where(among < 0, self._elements.corners[normal.element].min(axis=1), number), among < 0)
 
     def _numbers(self) -> Keys:
-        """Local number of each item, at its first triangle: that of its lowest vertex, where possible.
+        """Local number of each tile, at its first triangle: that of its lowest vertex, where possible.
 
-        So items are ordered like their vertices, and neighbouring threads load from different banks of shared memory.
-        Where several items have the same lowest vertex, or one that the patch does not own, they take the remaining
+        So tiles are ordered like their vertices, and neighbouring threads load from different banks of shared memory.
+        Where several tiles have the same lowest vertex, or one that the patch does not own, they take the remaining
         numbers.
         """
         own, corners = self._own, self._elements.corners
@@ -183,13 +183,13 @@ class Items:
         return number
 
     def _number_edges(self, local_edges: Members) -> None:
-        """Numbers edges: those shared within pairs, by item; then the items' first outer edges, the second; loose ones.
+        """Numbers edges: those shared within pairs, by tile; then the tiles' first outer edges, the second; loose ones.
 
-        Where an item has fewer, its number is unused.
+        Where a tile has fewer, its number is unused.
         """
         own, side = self._own, np.arange(3)
         edge = local_edges.member(own.patch[:, None], self._edges)
-        owner = np.broadcast_to((own.start[own.patch] + self._item)[:, None], edge.shape)
+        owner = np.broadcast_to((own.start[own.patch] + self._tile)[:, None], edge.shape)
         outer = ((side != self._side[:, None]) | ~self._paired[:, None]) & self._may_take
         taken = assign_edges(edge[outer], owner[outer], len(local_edges.element), len(own.element))
         of, place = np.nonzero(outer & (taken[edge] == owner))
@@ -201,10 +201,10 @@ class Items:
         inner = np.flatnonzero(self._paired & ~self._is_second)
 
         number = np.full(len(local_edges.element), -1)
-        number[edge[inner, self._side[inner]]] = self._item[inner]
-        by_item = owner[of, place]
-        slot = 1 + np.arange(len(of)) - np.searchsorted(by_item, by_item)
-        number[edge[of, place]] = slot * self._count[own.patch[of]] + self._item[of]
+        number[edge[inner, self._side[inner]]] = self._tile[inner]
+        by_tile = owner[of, place]
+        slot = 1 + np.arange(len(of)) - np.searchsorted(by_tile, by_tile)
+        number[edge[of, place]] = slot * self._count[own.patch[of]] + self._tile[of]
         loose = np.flatnonzero(number < 0)
         loose = loose[
             np.lexsort((self._elements.ends[local_edges.element[loose]].min(axis=1), local_edges.patch[loose]))
@@ -215,16 +215,16 @@ class Items:
         self._taken = of, place
 
     def packed(self, ends: Keys, vertex: Members, normal: Members, local_edges: Members) -> NDArray[np.uint64]:
-        """Words of items and loose edges, shape [E]; ``ends``: end vertices and triangles of each edge.
+        """Words of tiles and loose edges, shape [E]; ``ends``: end vertices and triangles of each edge.
 
-        At the number of a shared edge: the item's vertices, and the codes of its outer edges. At that of the first
+        At the number of a shared edge: the tile's vertices, and the codes of its outer edges. At that of the first
         outer edge: the other sides of its triangles. At that of the second: nothing yet (``with_constants``).
         """
         own, elements = self._own, self._elements
         patch, count = own.patch, self._count[own.patch]
         corners, rows = elements.corners[own.element], np.arange(len(patch))
         word = packed_bits(ends, NUMBER_BITS)
-        at = local_edges.start[patch] + self._item
+        at = local_edges.start[patch] + self._tile
         for slot in range(SLOTS):
             word[at + slot * count] = 0
         one, two, alone = ~self._is_second, self._is_second, ~self._paired
@@ -247,7 +247,7 @@ class Items:
         patch, edge = patch[of], self._edges[of, place]
         bent, back = self._bent[of, place], elements.ends[edge, 0] != corners[of, (place + 1) % 3]
         after = bent & ~self._is_first[of, place]
-        slot = (local_edges.find(patch, edge) - self._item[of]) // count[of] - 1
+        slot = (local_edges.find(patch, edge) - self._tile[of]) // count[of] - 1
         code = self._which + CODE_BACK * back + CODE_AFTER * after
         _put(word, at[of], WORD_CODE + CODE_BITS * slot, code)
         across = np.where(bent, normal.find(patch, self._across[of, place]), 0)
@@ -265,10 +265,10 @@ def with_constants(
 ) -> tuple[NDArray[np.uint64], NDArray[Any], Keys, Keys]:
     """Adds to the words the index of each edge's constants among its patch's different ones, and returns these.
 
-    An item's third word has the indices of its edges; the word of a loose edge has its own.
+    A tile's third word has the indices of its edges; the word of a loose edge has its own.
 
     Args:
-        ends: words of all patches from ``Items.packed``, shape [E].
+        ends: words of all patches from ``Tiles.packed``, shape [E].
         patch: of PatchTables.
         constants: of each edge, shape [E, 1..4].
 
@@ -288,11 +288,11 @@ def with_constants(
         np.argsort(np.argsort(first)),
     )  # in the order of the edges: where all differ, neighbouring threads load neighbouring constants
     number = rank[number] - constants_start[of]
-    local, items = np.arange(len(of)) - patch["edge_start"][of], patch["item_count"][of]
-    slot = np.minimum(local // np.maximum(items, 1), SLOTS)
-    slot[items == 0] = SLOTS
+    local, tiles = np.arange(len(of)) - patch["edge_start"][of], patch["tile_count"][of]
+    slot = np.minimum(local // np.maximum(tiles, 1), SLOTS)
+    slot[tiles == 0] = SLOTS
     loose = slot == SLOTS
     words = ends.copy()
-    third = np.arange(len(of)) + (SLOTS - 1 - slot) * items
+    third = np.arange(len(of)) + (SLOTS - 1 - slot) * tiles
     _put(words, np.where(loose, np.arange(len(of)), third), np.where(loose, WORD_CONSTANTS, NUMBER_BITS * slot), number)
     return words, constants[first], constants_start, constants_count

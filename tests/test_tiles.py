@@ -16,7 +16,7 @@ from warp_cloth.kernels.base.options import CODE_BITS, NUMBER_BITS, SLOTS, WORD_
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.model.patches import cutting, on_device
 from warp_cloth.model.patches.cutting import PatchTables, cut_patches, garment_patches
-from warp_cloth.model.patches.triangle_pairs import OUTER_EDGES, assign_edges, find_pairs, with_constants
+from warp_cloth.model.patches.tiles import OUTER_EDGES, assign_edges, find_pairs, with_constants
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
 BENT = Terms(edges=True, folds=True, yarns=False)
@@ -50,12 +50,12 @@ def test_a_triangle_without_a_free_neighbour_stays_alone() -> None:
 def test_no_item_takes_more_than_its_share() -> None:
     rng = np.random.default_rng(3)
     edge = np.repeat(np.arange(200), 2)
-    item = rng.integers(90, size=400)
-    taken = assign_edges(edge, item, 200, 90)
+    tile = rng.integers(90, size=400)
+    taken = assign_edges(edge, tile, 200, 90)
     assert np.bincount(taken[taken >= 0], minlength=90).max() <= OUTER_EDGES
-    assert all(taken[each] in (-1, *item[edge == each]) for each in range(200))
+    assert all(taken[each] in (-1, *tile[edge == each]) for each in range(200))
     full = np.bincount(taken[taken >= 0], minlength=90) == OUTER_EDGES
-    assert full[item[taken[edge] < 0]].all()  # none is left that an item has room for
+    assert full[tile[taken[edge] < 0]].all()  # none is left that a tile has room for
 
 
 @pytest.mark.parametrize(
@@ -89,13 +89,13 @@ def test_every_edge_of_a_patch_is_worked_on_once(monkeypatch: pytest.MonkeyPatch
     tables = cut(grid(30), monkeypatch)
     rows = tables.patch
     for patch in range(len(rows["vertex_start"])):
-        items, pairs = rows["item_count"][patch], (rows["triangle_count"] - rows["item_count"])[patch]
-        assert 0 < pairs <= items
+        tiles, pairs = rows["tile_count"][patch], (rows["triangle_count"] - rows["tile_count"])[patch]
+        assert 0 < pairs <= tiles
         first, count = rows["edge_start"][patch], rows["edge_count"][patch]
         bits = WORD_CODE + CODE_BITS * np.arange(OUTER_EDGES, dtype=np.uint64)
-        takes = tables.ends[first : first + items] >> bits[:, None] & np.uint64(7) != 0
+        takes = tables.ends[first : first + tiles] >> bits[:, None] & np.uint64(7) != 0
         there = np.ones(count, dtype=bool)
-        there[: SLOTS * items] = np.concatenate([np.arange(items) < pairs, *takes])
+        there[: SLOTS * tiles] = np.concatenate([np.arange(tiles) < pairs, *takes])
         edges = tables.edge[first : first + count][there]
         assert len(np.unique(edges)) == len(edges)
         start, owned = rows["slot_start"][patch], rows["owned_count"][patch]
@@ -109,10 +109,10 @@ def test_words_tell_every_edge_its_constants_and_patches_have_each_once(monkeypa
     ends, distinct, start, count = with_constants(tables.ends, rows, constants)
     for patch in range(len(count)):
         first, end = rows["edge_start"][patch], rows["edge_start"][patch] + rows["edge_count"][patch]
-        items, own = rows["item_count"][patch], distinct[start[patch] : start[patch] + count[patch]]
+        tiles, own = rows["tile_count"][patch], distinct[start[patch] : start[patch] + count[patch]]
         assert len(np.unique(own, axis=0)) == len(own)
-        third = ends[first + (SLOTS - 1) * items : first + SLOTS * items]
-        words = [*(third >> np.uint64(NUMBER_BITS * slot) for slot in range(SLOTS)), ends[first + SLOTS * items : end]]
+        third = ends[first + (SLOTS - 1) * tiles : first + SLOTS * tiles]
+        words = [*(third >> np.uint64(NUMBER_BITS * slot) for slot in range(SLOTS)), ends[first + SLOTS * tiles : end]]
         words[-1] = words[-1] >> np.uint64(WORD_CONSTANTS)
         told = np.concatenate(words) & np.uint64((1 << NUMBER_BITS) - 1)
         assert (own[told] == constants[first:end]).all()
@@ -122,11 +122,11 @@ def test_pairs_count_as_one_of_their_vertices_does(monkeypatch: pytest.MonkeyPat
     tables = cut(grid(30), monkeypatch)
     rows = tables.patch
     for patch in range(len(rows["vertex_start"])):
-        pairs, owned = rows["triangle_count"][patch] - rows["item_count"][patch], rows["owned_count"][patch]
-        item = np.arange(pairs)
-        words = tables.ends[rows["edge_start"][patch] + item]
+        pairs, owned = rows["triangle_count"][patch] - rows["tile_count"][patch], rows["owned_count"][patch]
+        tile = np.arange(pairs)
+        words = tables.ends[rows["edge_start"][patch] + tile]
         corners = words[:, None] >> np.arange(0, 4 * NUMBER_BITS, NUMBER_BITS, dtype=np.uint64)
-        found = (corners & np.uint64((1 << NUMBER_BITS) - 1) == item[:, None]).any(axis=1)
+        found = (corners & np.uint64((1 << NUMBER_BITS) - 1) == tile[:, None]).any(axis=1)
         assert found[:owned].mean() > 0.7
 
 
