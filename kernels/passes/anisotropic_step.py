@@ -88,6 +88,23 @@ def borne(slope: Any, corner: int):
 
 
 @wp.func
+def folds_bound(bound_0: Any, bound_1: Any, bound_2: Any, corner: int):
+    """Bound of the hinges of a triangle's sides at a corner [N/m], each opposite to its own, as triangle.corner_folds.
+
+    Of the opposite side's all, of the others' half.
+    """
+    half = type(bound_0)(0.5)
+    part_0, part_1, part_2 = bound_0 * half, bound_1 * half, bound_2 * half
+    if corner == 0:
+        part_0 = bound_0
+    if corner == 1:
+        part_1 = bound_1
+    if corner == 2:
+        part_2 = bound_2
+    return part_0 + part_1 + part_2
+
+
+@wp.func
 def four_sum(figure: Any):
     """Sum of the four yarns' figures."""
     return component(figure, 0) + component(figure, 1) + component(figure, 2) + component(figure, 3)
@@ -180,16 +197,11 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
     sides_of = sides_function(precision, Accumulate.ANISOTROPIC_STIFFNESS, packed, in_order)
     difference = difference_function(precision)
     rests = rest_function(precision)
-    half = wp.constant(real(0.5))
 
     @wp.func
-    def folds_bound(sides: wp.vec3i, bound: wp.array(dtype=real), corner: int):
-        """Stiffness bound of a triangle's hinges at one of its corners [N/m], as in triangle.corner_folds."""
-        total = real(0.0)
-        for k in range(3):
-            edge = wp.where(sides[k] < 0, -1 - sides[k], sides[k])
-            total += element(bound, edge) * wp.where(k == corner, real(1.0), half)
-        return total
+    def bound_of(side: int, bound: wp.array(dtype=real)):
+        """Bound of the hinge of a side, an element of Triangles.edges [N/m]."""
+        return element(bound, wp.where(side < 0, -1 - side, side))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def find_compliance(
@@ -229,7 +241,9 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
                 triangle = entry // 3
                 corner = entry - 3 * triangle
                 if wp.static(terms.folds):
-                    size = folds_bound(element(triangles.edges, triangle), bound, corner)
+                    opposite = element(triangles.edges, triangle)
+                    bound_0, bound_1 = bound_of(opposite[0], bound), bound_of(opposite[1], bound)
+                    size = folds_bound(bound_0, bound_1, bound_of(opposite[2], bound), corner)
                     matrix += multiple_of_unit(size)
                     total += size
                 if wp.static(terms.yarns):

@@ -1,7 +1,7 @@
 """The anisotropic step of woven cloth on the CPU: bounds are scattered from packets of triangles; same bits.
 
-No twin of ``anisotropic_step``, which gathers at each vertex: that would measure every triangle three times here.
-
+No twin of ``anisotropic_step``, which gathers at each vertex: that would measure every triangle three times here. What
+a triangle bounds at its corners is computed by the same functions.
 
 What is summed at a vertex lies in two arrays: xx, yy, zz of the matrix and its size; xy, xz, yz and nothing.
 """
@@ -25,7 +25,7 @@ from warp_cloth.kernels.math.packet_memory import (
     load_packet_signed,
     load_sides,
 )
-from warp_cloth.kernels.passes.anisotropic_step import compliance_function, yarn_bounds, yarns_matrix
+from warp_cloth.kernels.passes.anisotropic_step import compliance_function, folds_bound, yarn_bounds, yarns_matrix
 
 
 def _begin_kernel(precision: str) -> wp.Kernel:
@@ -51,23 +51,17 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
     types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, WIDTH)
     real, vec4, Step, Triangles = types.real, types.vec4, types.Step, types.Triangles
     Model, State = types.Model, types.State
-    like, half = wp.constant(real(0.0)), wp.constant(real(0.5))
+    like = wp.constant(real(0.0))
     active_lanes = active_lanes_function(precision)
-
-    @wp.func
-    def corner_bound(first: packets.real, second: packets.real, third: packets.real):
-        """What hinges bound at the corner opposite to one of three, as in triangle.corner_folds; in their order."""
-        return first + second + third
 
     @wp.func
     def folds_bounds(fold: wp.array(dtype=vec4), edges: wp.array(dtype=wp.vec3i), start: int):
         """What the hinges of eight triangles bound at their corners."""
-        whole_0 = component(load_packet_signed(fold, edges, start, 0), 1)
-        whole_1 = component(load_packet_signed(fold, edges, start, 1), 1)
-        whole_2 = component(load_packet_signed(fold, edges, start, 2), 1)
-        half_0, half_1, half_2 = whole_0 * half, whole_1 * half, whole_2 * half
-        first, second = corner_bound(whole_0, half_1, half_2), corner_bound(half_0, whole_1, half_2)
-        third = corner_bound(half_0, half_1, whole_2)
+        bound_0 = component(load_packet_signed(fold, edges, start, 0), 1)
+        bound_1 = component(load_packet_signed(fold, edges, start, 1), 1)
+        bound_2 = component(load_packet_signed(fold, edges, start, 2), 1)
+        first, second = folds_bound(bound_0, bound_1, bound_2, 0), folds_bound(bound_0, bound_1, bound_2, 1)
+        third = folds_bound(bound_0, bound_1, bound_2, 2)
         return (
             vector4(first, first, first, first),
             vector4(second, second, second, second),

@@ -1,4 +1,8 @@
-"""A kernel that moves eight vertices at a time by ``displacement``, where they lie; for the CPU's iterations."""
+"""The kernel that moves a packet of vertices at a time where they lie; for the CPU's iterations.
+
+The step itself is that of one vertex (``passes.step``, with its lanes) and so is a meeting with the avatar
+(``passes.avatar_contact``). Here is what a packet has besides: which of its lanes move, which are near the avatar.
+"""
 
 import functools
 
@@ -8,8 +12,7 @@ from warp_cloth.kernels.avatar.field import fetch_field
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.options import KernelOptions
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.laws.step import accelerated_displacement
-from warp_cloth.kernels.math.lanes import WIDTH as EIGHT
+from warp_cloth.kernels.math.lanes import WIDTH as PACKET_WIDTH
 from warp_cloth.kernels.math.lanes import lane_types
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
 from warp_cloth.kernels.math.packet import where_greater
@@ -32,7 +35,7 @@ from warp_cloth.kernels.passes.step import (
     swings_evenly,
 )
 
-WIDTH = wp.constant(EIGHT)
+WIDTH = wp.constant(PACKET_WIDTH)
 
 _OF_ITEM = """
     int lanes = 0;
@@ -95,7 +98,7 @@ def first_lane(lanes: int) -> int:
 
 
 for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
-    _one = lane_types(_real, EIGHT).real
+    _one = lane_types(_real, PACKET_WIDTH).real
 
     @wp.func_native(_LOOSE % _name)
     def loose_lanes(like: _one, in_contact: wp.array(dtype=wp.uint8), first: int) -> _one:
@@ -117,15 +120,15 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
 
 
 @functools.cache
-def eight_displace_kernel(options: KernelOptions) -> wp.Kernel:
+def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
     """Kernel ``displace_vertices`` of the accelerated step, of cloth that passes through itself."""
     precision, avatar_contact, collider_type = options.precision, options.avatar_contact, options.collider
-    types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, EIGHT)
+    types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, PACKET_WIDTH)
     real, vec3, vec4, vec6, Model, State = types.real, types.vec3, types.vec4, types.vec6, types.Model, types.State
     Step, Item = types.Step, types.Item
     worn, spares, Vertex = options.anisotropic, saves_queries(options), types.Vertex
-    force_descent = descent_function(precision, swings_evenly(options), lanes=EIGHT)
-    momentum_and_damping = momentum_function(precision, swings_evenly(options))
+    force_descent = descent_function(precision, swings_evenly(options), lanes=PACKET_WIDTH)
+    with_momentum = momentum_function(precision, swings_evenly(options))
     Colliders = colliders_type(avatar_contact, collider_type)
     query_avatar = None if avatar_contact is None else query_function(options, spares, prefetched=False)
 
@@ -141,8 +144,7 @@ def eight_displace_kernel(options: KernelOptions) -> wp.Kernel:
                 further = symmetric_times(load_packet(state.compliance, first), descent)
                 descent = where_greater(loose, packets.real(real(0.0)), further, descent)
         last = load_packet(state.displacement, first)
-        momentum, damping = momentum_and_damping(step, item)
-        return accelerated_displacement(force, descent, last, momentum_ratio * momentum, damping, item.cap), stiffness
+        return with_momentum(step, item, force, descent, last, momentum_ratio), stiffness
 
     @wp.func
     def met_moves(state: State, collider: collider_type, first: int, lanes: int, moves: packets.vec3, item: Item):

@@ -177,7 +177,7 @@ def descent_function(precision: str, steady: bool, lanes: int = 1) -> wp.Functio
 
 @functools.cache
 def momentum_function(precision: str, steady: bool) -> wp.Function:
-    """The function that tells how much of a displacement an item's vertices keep; ``steady`` of swings_evenly.
+    """The function ``with_momentum``, of a vertex or a packet of an item; ``steady``: of swings_evenly.
 
     At any moment some fold's trembling has half of all displacements fight their forces: a fold that slides slowly
     would be damped by others' trembling, in every iteration. Loose cloth is damped evenly, so that all that is soft
@@ -187,15 +187,15 @@ def momentum_function(precision: str, steady: bool) -> wp.Function:
     real, Step, Item = types.real, types.Step, types.Item
 
     @wp.func
-    def momentum_and_damping(step: Step, item: Item):
-        """Share of a displacement that is kept, and its factor where it fights the force."""
+    def with_momentum(step: Step, item: Item, force: Any, descent: Any, last: Any, momentum_ratio: Any):
+        """Displacement [m]: ``descent`` and what is kept of the ``last`` one; others of ``force_descent``."""
         momentum, damping = real(step.momentum), real(step.damping)
         if wp.static(steady):
             momentum = wp.where(item.anisotropy_limit > real(0.0), step.momentum_loose, step.momentum)
             damping = wp.where(item.anisotropy_limit > real(0.0), real(1.0), step.damping)
-        return momentum, damping
+        return accelerated_displacement(force, descent, last, momentum_ratio * momentum, damping, item.cap)
 
-    return momentum_and_damping
+    return with_momentum
 
 
 @functools.cache
@@ -205,10 +205,8 @@ def free_displacement_function(options: KernelOptions) -> wp.Function:
     real, vec3, vec4, Vertex, Step = types.real, types.vec3, types.vec4, types.Vertex, types.Step
     steady, compliant_descent = swings_evenly(options), compliant_descent_function(options.precision)
     Prefetched = prefetched_type(options)
-    force_descent, momentum_and_damping = (
-        descent_function(options.precision, steady),
-        momentum_function(options.precision, steady),
-    )
+    force_descent = descent_function(options.precision, steady)
+    with_momentum = momentum_function(options.precision, steady)
 
     @wp.func
     def free_displacement(step: Step, known: Prefetched, load: vec4, pressed: real, vertex: Vertex):
@@ -227,10 +225,7 @@ def free_displacement_function(options: KernelOptions) -> wp.Function:
                 else:
                     if known.anisotropic:
                         descent = symmetric_times(known.compliance, descent)
-            momentum, damping = momentum_and_damping(step, vertex.item)
-            move = accelerated_displacement(
-                force, descent, vertex.displacement, momentum * momentum_ratio, damping, vertex.item.cap
-            )
+            move = with_momentum(step, vertex.item, force, descent, vertex.displacement, momentum_ratio)
         else:
             force = scaled_sum(step.gravity, weight, vec3(load[0], load[1], load[2]))
             move = direct_displacement(force, weight, vertex.item.cap)

@@ -14,7 +14,7 @@ from warp_cloth.avatar.collider import Collider
 from warp_cloth.kernels.base.options import KernelOptions
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.passes.move import advance_kernel, displace_kernel, presses_along
-from warp_cloth.kernels.passes.move_packets import eight_displace_kernel
+from warp_cloth.kernels.passes.move_packets import packet_displace_kernel
 from warp_cloth.kernels.passes.step import NoClothContact, NoCollider, accumulated, saves_queries
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.vertices import allocate_steps
@@ -82,7 +82,7 @@ class Relaxation:
             self._scatter = ForcePass(model, kernel_options.accumulate, self._load)
             alone = kernel_options.accelerated and cloth_contact is None
             self._packets = alone and takes_packets(model, model.vertex_count)
-            self._move = (eight_displace_kernel if self._packets else displace_kernel)(kernel_options)
+            self._move = (packet_displace_kernel if self._packets else displace_kernel)(kernel_options)
         self._items = model.vertices.items.numpy().copy()
         self._items["active"] = 1
         self._items["cap"] = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]
