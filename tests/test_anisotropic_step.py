@@ -17,7 +17,7 @@ from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.base.options import Accumulate, YarnField
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.math.symmetric import inverse
-from warp_cloth.kernels.passes.step import compliant_descent_function
+from warp_cloth.kernels.passes.step import compliant_descent
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.vertices import allocate_steps
@@ -150,7 +150,7 @@ def test_threads_drag_across_themselves_by_what_acts_there() -> None:
 
 
 SPARED = 1e-4  # of a matrix that is turned round, a millionth of its size is added: directions 20 times apart feel it
-compliant_descent, SYMMETRIC = compliant_descent_function("float64"), cloth_types("float64").vec6
+SYMMETRIC = cloth_types("float64").vec6
 
 
 @wp.kernel

@@ -15,7 +15,7 @@ from warp_cloth.fitting.problem import collider_updates, load_problem, start_coa
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.elements.stiffness import stiffness_types
-from warp_cloth.kernels.implicit.avatar_constraint import presses_function, stick_or_slip_function
+from warp_cloth.kernels.implicit.avatar_constraint import presses, stick_or_slip
 from warp_cloth.kernels.implicit.momentum import adapt_momentum_kernel
 from warp_cloth.kernels.implicit.system import system_types
 from warp_cloth.material.fabric import Fabric
@@ -134,7 +134,6 @@ def test_any_number_of_iterations_can_be_asked_for(iterations: int) -> None:
 def test_friction_holds_what_stands_and_slows_what_slides(
     tangent: float, slid: float, wanted_constraint: int, wanted_left: float, wanted_drag: float
 ) -> None:
-    stick_or_slip = stick_or_slip_function("float64")
 
     @wp.kernel
     def ask(force: wp.vec3d, displacement: wp.vec3d, out: wp.array(dtype=wp.float64)):
@@ -152,7 +151,7 @@ def test_friction_holds_what_stands_and_slows_what_slides(
     ("push", "gap", "wanted"), [(1e-3, 2e-5, False), (1e-3, 5e-6, True), (1e-3, -1e-6, True), (-1e-3, -1e-6, False)]
 )
 def test_what_is_balanced_above_the_avatar_is_not_held_by_it(push: float, gap: float, wanted: bool) -> None:
-    presses, vec6 = presses_function("float64"), stiffness_types("float64").vec6
+    vec6 = stiffness_types("float64").vec6
 
     @wp.kernel
     def ask(push: wp.float64, gap: wp.float64, stiffness: wp.float64, out: wp.array(dtype=wp.int32)):

@@ -2,6 +2,7 @@
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -223,17 +224,10 @@ def cloth_types(precision: str) -> SimpleNamespace:
     )  # fmt: skip
 
 
-@functools.cache
-def rest_function(precision: str) -> wp.Function:
-    """Function ``rests``."""
-    Model = cloth_types(precision).Model
-
-    @wp.func
-    def rests(model: Model, vertex: int):
-        """Whether the item of a vertex no longer iterates."""
-        return model.items[element(model.item, vertex)].active == 0
-
-    return rests
+@wp.func
+def rests(model: Any, vertex: int):
+    """Whether the item of a vertex no longer iterates; ``model`` of ``cloth_types``."""
+    return model.items[element(model.item, vertex)].active == 0
 
 
 @functools.cache

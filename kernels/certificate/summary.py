@@ -6,7 +6,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.active_set import active_element
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rests
 
 CHUNK = 16  # vertices that one thread sums: a GPU has threads for all chunks at once
 GROUP = 32  # sums that a thread of the next kernel sums
@@ -89,7 +89,6 @@ def distances_of(shapes: Any, vertex: int, position: wp.vec3d):
 def summarise_chunks_kernel(precision: str) -> wp.Kernel:
     """Kernel ``summarise_chunks``, which comes first."""
     Model, State, Shapes = cloth_types(precision).Model, cloth_types(precision).State, shapes_type(precision)
-    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def summarise_chunks(
@@ -168,7 +167,6 @@ def summarise_groups(
 def store_snapshot_kernel(precision: str) -> wp.Kernel:
     """Kernel ``store_snapshot``."""
     Model, State = cloth_types(precision).Model, cloth_types(precision).State
-    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def store_snapshot(

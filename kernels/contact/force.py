@@ -2,6 +2,7 @@
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -36,10 +37,11 @@ from warp_cloth.kernels.laws.squeeze import squeeze_energy, squeeze_force, squee
 from warp_cloth.kernels.math.real import inner, quotient, root, scaled_sum
 from warp_cloth.kernels.patches.packing import order_functions
 
-LEAST_DISTANCE = 0.02  # of the thickness; nearer than this, force and stiffness grow no more
+LEAST_DISTANCE = wp.constant(0.02)  # of the thickness; nearer than this, force and stiffness grow no more
+MOST_NEARNESS = wp.constant(1.0 / LEAST_DISTANCE)  # of 1/x there
 
 # Fibres bend over by this fraction of the thickness (stick) before one layer slides on the other (slip).
-STICK_FRACTION = 0.2
+STICK_FRACTION = wp.constant(0.2)
 
 
 # No result is used: with an atomic that returns the old value a GPU would wait for the memory.
@@ -152,65 +154,39 @@ def couple_function(precision: str, accumulate: Accumulate) -> wp.Function:
     return add_parallel_couples
 
 
-@functools.cache
-def slip_function(precision: str) -> wp.Function:
-    """Function ``slipped``."""
-    types = cloth_types(precision)
-    real, vec3 = types.real, types.vec3
+@wp.func
+def slipped(stick: Any, change: Any, normal: Any, thickness: Any, friction: Any):
+    """Stick displacement after a relative displacement ``change`` [m]: tangential, and cut where layers slip.
 
-    @wp.func
-    def slipped(stick: vec3, change: vec3, normal: vec3, thickness: real, friction: real):
-        """Stick displacement after a relative displacement ``change`` [m]: tangential, and cut where layers slip.
-
-        They slip beyond friction times STICK_FRACTION of the thickness.
-        """
-        bent = stick + change
-        bent = bent - normal * inner(normal, bent)
-        return bent - friction_slide(bent, normal, real(STICK_FRACTION) * thickness, friction)
-
-    return slipped
+    They slip beyond friction times STICK_FRACTION of the thickness.
+    """
+    bent = stick + change
+    bent = bent - normal * inner(normal, bent)
+    return bent - friction_slide(bent, normal, type(thickness)(STICK_FRACTION) * thickness, friction)
 
 
-@functools.cache
-def nearness_function(precision: str) -> wp.Function:
-    """Function ``nearness``."""
-    types = cloth_types(precision)
-    real = types.real
-    one, nothing, least = wp.constant(real(1.0)), wp.constant(real(0.0)), wp.constant(real(LEAST_DISTANCE))
-    most = wp.constant(real(1.0 / LEAST_DISTANCE))
+@wp.func
+def nearness(square: wp.float64, distance: Any, thickness_32: float):
+    """1/d and 1/h [1/m], x = d/h, y = 1 - x and 1/x of a distance d < h [m], h the thickness.
 
-    @wp.func
-    def nearness(square: wp.float64, distance: real, thickness_32: float):
-        """1/d and 1/h [1/m], x = d/h, y = 1 - x and 1/x of a distance d < h [m], h the thickness.
-
-        y is computed from d^2 in float64, so that it keeps all digits near x = 1. Few divisions, each of which takes as
-        long as all else.
-        """
-        thickness = real(thickness_32)
-        by_distance, by_thickness = quotient(one, distance), quotient(one, thickness)
-        x, inverse = wp.max(distance * by_thickness, least), wp.min(thickness * by_distance, most)
-        thick = wp.float64(thickness_32)
-        y = quotient(real(thick * thick - square), thickness * (thickness + distance))
-        return by_distance, by_thickness, x, wp.clamp(y, nothing, one - least), inverse
-
-    return nearness
+    y is computed from d^2 in float64, so that it keeps all digits near x = 1. Few divisions, each of which takes as
+    long as all else.
+    """
+    one, least = type(distance)(1.0), type(distance)(LEAST_DISTANCE)
+    thickness = type(distance)(thickness_32)
+    by_distance, by_thickness = quotient(one, distance), quotient(one, thickness)
+    x, inverse = wp.max(distance * by_thickness, least), wp.min(thickness * by_distance, type(distance)(MOST_NEARNESS))
+    thick = wp.float64(thickness_32)
+    y = quotient(type(distance)(thick * thick - square), thickness * (thickness + distance))
+    return by_distance, by_thickness, x, wp.clamp(y, type(distance)(0.0), one - least), inverse
 
 
-@functools.cache
-def stiffness_function(precision: str) -> wp.Function:
-    """Function ``stiffness_ahead``."""
-    types = cloth_types(precision)
-    Step, real = types.Step, types.real
-    one, nothing = wp.constant(real(1.0)), wp.constant(real(0.0))
-
-    @wp.func
-    def stiffness_ahead(step: Step, approach: real, by_thickness: real, x: real, modulus: real):
-        """Stiffness bound [N/m]: at the distance left after ``allowance`` times the last approach, but at least x/2."""
-        closing = wp.max(real(step.allowance) * approach * by_thickness, nothing)
-        nearer = wp.max(x - closing, real(0.5) * x)
-        return squeeze_stiffness(quotient(one, nearer), modulus)
-
-    return stiffness_ahead
+@wp.func
+def stiffness_ahead(step: Any, approach: Any, by_thickness: Any, x: Any, modulus: Any):
+    """Stiffness bound [N/m]: at the distance left after ``allowance`` times the last approach, but at least x/2."""
+    closing = wp.max(step.allowance * approach * by_thickness, type(x)(0.0))
+    nearer = wp.max(x - closing, type(x)(0.5) * x)
+    return squeeze_stiffness(quotient(type(x)(1.0), nearer), modulus)
 
 
 @functools.cache
@@ -219,9 +195,6 @@ def pair_force_function(precision: str, accumulate: Accumulate, sort: int, in_or
     types = cloth_types(precision)
     State, Step, real, vec2, vec3 = types.State, types.Step, types.real, types.vec2, types.vec3
     pair_separation = separation_function(precision, sort)
-    nearness, slipped, stiffness_ahead = (
-        make(precision) for make in (nearness_function, slip_function, stiffness_function)
-    )
     add_parallel_couples = couple_function(precision, accumulate)
     displacement_at = order_functions(precision, packed=False, in_order=in_order).displacement_at
     edge_weight, add_pair = parallel_functions(real).weight, add_functions(real).add_pair

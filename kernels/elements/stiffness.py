@@ -7,6 +7,7 @@ positive semidefinite and every solution with it leads downhill.
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -15,7 +16,7 @@ from warp_cloth.kernels.laws.bending import THINNEST
 from warp_cloth.kernels.laws.hinge import hinge_normals, rotated_back
 from warp_cloth.kernels.laws.tension import spring_constants, tension_force, tension_stiffness
 from warp_cloth.kernels.laws.yarn import DIAGONAL, warp_vector, weft_vector, yarn_constants, yarn_of
-from warp_cloth.kernels.math.symmetric import matrix_type, multiple_of_unit, outer, symmetric_matrix_functions
+from warp_cloth.kernels.math.symmetric import full_matrix, matrix_type, multiple_of_unit, outer
 
 
 @functools.cache
@@ -37,25 +38,18 @@ def stiffness_types(precision: str) -> SimpleNamespace:
     return SimpleNamespace(mat3=mat3, vec6=vec6, Pairs=Pairs)
 
 
-@functools.cache
-def spring_function(precision: str) -> wp.Function:
-    """The function ``spring_stiffness``, of a yarn or an edge."""
-    real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
+@wp.func
+def spring_stiffness(d: Any, change: Any, rest: Any, pull: Any, push: Any, allowance: Any):
+    """Stiffness of a spring along d: f' along it, f / r across it where it pulls, each the largest within a range.
 
-    @wp.func
-    def spring_stiffness(d: vec3, change: vec3, rest: real, pull: real, push: real, allowance: real):
-        """Stiffness of a spring along d: f' along it, f / r across it where it pulls, each the largest within a range.
-
-        The length r may change by ``allowance`` times as much as it did by the last displacements' ``change``.
-        """
-        length = wp.max(wp.length(d), real(1.0e-9))
-        span = allowance * wp.abs(wp.length(d + change) - length)
-        across = wp.max(tension_force(length + span - rest, pull, push), real(0.0)) / length
-        along = tension_stiffness(length - rest, pull, push, span)
-        across = wp.min(across, along)
-        return outer(along - across, d / length) + multiple_of_unit(across)
-
-    return spring_stiffness
+    The length r may change by ``allowance`` times as much as it did by the last displacements' ``change``.
+    """
+    length = wp.max(wp.length(d), type(rest)(1.0e-9))
+    span = allowance * wp.abs(wp.length(d + change) - length)
+    across = wp.max(tension_force(length + span - rest, pull, push), type(rest)(0.0)) / length
+    along = tension_stiffness(length - rest, pull, push, span)
+    across = wp.min(across, along)
+    return outer(along - across, d / length) + multiple_of_unit(across)
 
 
 @functools.cache
@@ -102,7 +96,6 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
     types = cloth_types(precision)
     real, State, Weave = types.real, types.State, types.Weave
     vec6 = stiffness_types(precision).vec6
-    spring_stiffness = spring_function(precision)
     difference = difference_function(precision)
     diagonal = wp.constant(real(DIAGONAL))
 
@@ -149,8 +142,6 @@ def couple_pairs_kernel(precision: str) -> wp.Kernel:
     types, own = cloth_types(precision), stiffness_types(precision)
     real, vec3, State, Edges = types.real, types.vec3, types.State, types.Edges
     mat3, vec6, Pairs = own.mat3, own.vec6, own.Pairs
-    full_matrix = symmetric_matrix_functions(precision).full_matrix
-    spring_stiffness = spring_function(precision)
     difference = difference_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)

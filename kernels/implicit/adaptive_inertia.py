@@ -5,6 +5,7 @@ fraction of the stiffness around it, and else decays again. Without this, wrinkl
 """
 
 import functools
+from typing import Any
 
 import warp as wp
 
@@ -28,30 +29,22 @@ SNAPPING_LIMIT = wp.constant(0.5)
 SNAPPING_OSCILLATION = wp.constant(0.1)
 
 
-@functools.cache
-def adapt_inertia_function(precision: str) -> wp.Function:
-    real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
-    vec6 = cloth_types(precision).vec6
-    ImplicitState = system_types(precision).ImplicitState
+@wp.func
+def adapt_inertia(implicit: Any, inertia: Any, displacement: Any, force: Any, block: Any):
+    """A vertex's next inertia [N/m]: more where -F . d > threshold d . block d, else less; at most a limit.
 
-    @wp.func
-    def adapt_inertia(implicit: ImplicitState, inertia: real, displacement: vec3, force: vec3, block: vec6):
-        """A vertex's next inertia [N/m]: more where -F . d > threshold d . block d, else less; at most a limit.
-
-        ``displacement`` d is the last one [m], ``force`` F the present one [N], ``block`` the stiffness around [N/m].
-        """
-        snapping = implicit.damps_snapping
-        threshold = wp.where(snapping, real(SNAPPING_OSCILLATION), real(OSCILLATION))
-        tolerated = real(0.0)
-        if implicit.step_fraction > real(0.0):
-            tolerated = threshold * wp.dot(displacement, symmetric_times(block, displacement))
-        turned_back = wp.dot(displacement, force) < -tolerated
-        growth = wp.where(snapping, real(SNAPPING_GROWTH), real(GROWTH))
-        decay = wp.where(snapping, real(SNAPPING_DECAY), real(DECAY))
-        limit = wp.where(snapping, real(SNAPPING_LIMIT), real(LIMIT)) * (block[0] + block[1] + block[2])
-        return wp.min(inertia * wp.where(turned_back, growth, decay), limit)
-
-    return adapt_inertia
+    ``displacement`` d is the last one [m], ``force`` F the present one [N], ``block`` the stiffness around [N/m].
+    """
+    snapping = implicit.damps_snapping
+    threshold = wp.where(snapping, type(inertia)(SNAPPING_OSCILLATION), type(inertia)(OSCILLATION))
+    tolerated = type(inertia)(0.0)
+    if implicit.step_fraction > type(inertia)(0.0):
+        tolerated = threshold * wp.dot(displacement, symmetric_times(block, displacement))
+    turned_back = wp.dot(displacement, force) < -tolerated
+    growth = wp.where(snapping, type(inertia)(SNAPPING_GROWTH), type(inertia)(GROWTH))
+    decay = wp.where(snapping, type(inertia)(SNAPPING_DECAY), type(inertia)(DECAY))
+    limit = wp.where(snapping, type(inertia)(SNAPPING_LIMIT), type(inertia)(LIMIT)) * (block[0] + block[1] + block[2])
+    return wp.min(inertia * wp.where(turned_back, growth, decay), limit)
 
 
 @functools.cache

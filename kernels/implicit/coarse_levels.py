@@ -14,7 +14,7 @@ import warp as wp
 from warp_cloth.kernels.base.block import block_threads, lane_of, wait_for_block, warp_size
 from warp_cloth.kernels.base.reduction import add_in_lane_order_function
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.implicit.sparse import add_row_function, row_product_function, sparse_types
+from warp_cloth.kernels.implicit.sparse import add_row, row_product_function, sparse_types
 from warp_cloth.kernels.math.symmetric import inverse, symmetric_times
 
 COARSEST_THREADS = 1024  # of the one block that works on the coarsest levels, on a GPU
@@ -101,7 +101,6 @@ def restrict_residual_kernel(precision: str) -> wp.Kernel:
 def prolong_correction_kernel(precision: str) -> wp.Kernel:
     vec3, vec6 = cloth_types(precision).vec3, cloth_types(precision).vec6
     CsrMatrix = sparse_types(precision).CsrMatrix
-    add_row = add_row_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def prolong_correction(
@@ -125,7 +124,7 @@ def prolong_correction_kernel(precision: str) -> wp.Kernel:
 def correct_coarsest_levels_kernel(precision: str) -> wp.Kernel:
     vec3, vec6 = cloth_types(precision).vec3, cloth_types(precision).vec6
     CsrMatrix = sparse_types(precision).CsrMatrix
-    add_row, row_product = add_row_function(precision), row_product_function(precision, vec3)
+    row_product = row_product_function(precision, vec3)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, launch_bounds=COARSEST_THREADS)
     def correct_coarsest_levels(

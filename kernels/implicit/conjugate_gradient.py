@@ -8,42 +8,39 @@ Each garment has step lengths of its own, so that it gets the same bits alone an
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
 from warp_cloth.kernels.base.block import block_of, block_threads, lane_of
 from warp_cloth.kernels.base.reduction import Chunks, garment_ratio, sum_chunk
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.implicit.sparse import add_row_function, sparse_types
-from warp_cloth.kernels.implicit.system import FIXED, filter_function, system_types
+from warp_cloth.kernels.implicit.sparse import add_row, sparse_types
+from warp_cloth.kernels.implicit.system import FIXED, filtered, system_types
 from warp_cloth.kernels.math.symmetric import symmetric_times
 
 
-@functools.cache
-def coupled_function(precision: str) -> wp.Function:
-    """The function ``coupled``: a vertex's row of the pairs' part of A, times displacements."""
-    vec3, LinearSystem = cloth_types(precision).vec3, system_types(precision).LinearSystem
+@wp.func
+def coupled(system: Any, x: Any, vertex: int):
+    """A vertex's row of the pairs' part of A times displacements x: sum_j S_ij (x_i - x_j) over its pairs [N].
 
-    @wp.func
-    def coupled(system: LinearSystem, x: wp.array(dtype=vec3), vertex: int):
-        """sum_j S_ij (x_i - x_j) over the pairs of a vertex [N]; by threes, whose loads are issued together."""
-        sum = vec3()
-        own = x[vertex]
-        start, last = system.row_start[vertex], system.row_start[vertex + 1]
-        for row in range(start, last - 2, 3):
-            for i in range(3):
-                sum += system.coupling[row + i] * (own - x[system.neighbour[row + i]])
-        for row in range(start + (last - start) // 3 * 3, last):
-            sum += system.coupling[row] * (own - x[system.neighbour[row]])
-        return sum
-
-    return coupled
+    By threes, whose loads are issued together; ``system`` of system_types.
+    """
+    own = x[vertex]
+    sum = type(own)()
+    start, last = system.row_start[vertex], system.row_start[vertex + 1]
+    for row in range(start, last - 2, 3):
+        for i in range(3):
+            sum += system.coupling[row + i] * (own - x[system.neighbour[row + i]])
+    for row in range(start + (last - start) // 3 * 3, last):
+        sum += system.coupling[row] * (own - x[system.neighbour[row]])
+    return sum
 
 
 @functools.cache
 def subtract_initial_guess_kernel(precision: str) -> wp.Kernel:
     real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
-    types, coupled, filtered = system_types(precision), coupled_function(precision), filter_function(precision)
+    types = system_types(precision)
     LinearSystem, SolutionState = types.LinearSystem, types.SolutionState
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -68,8 +65,6 @@ def subtract_initial_guess_kernel(precision: str) -> wp.Kernel:
 def precondition_residual_kernel(precision: str) -> wp.Kernel:
     vec3, CsrMatrix = cloth_types(precision).vec3, sparse_types(precision).CsrMatrix
     LinearSystem, SolutionState = system_types(precision).LinearSystem, system_types(precision).SolutionState
-    add_row = add_row_function(precision)
-    filtered = filter_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def precondition_residual(
@@ -126,7 +121,6 @@ def update_direction_kernel(precision: str) -> wp.Kernel:
 def multiply_direction_kernel(precision: str) -> wp.Kernel:
     vec3, types = cloth_types(precision).vec3, system_types(precision)
     LinearSystem, SolutionState = types.LinearSystem, types.SolutionState
-    coupled, filtered = coupled_function(precision), filter_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def multiply_direction(

@@ -6,6 +6,7 @@ vertex's anchor is a pair of it and the world.
 """
 
 import functools
+from typing import Any
 
 import warp as wp
 
@@ -15,7 +16,7 @@ from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.elements.stiffness import stiffness_types
 from warp_cloth.kernels.implicit.rigid_types import INTERLEAVED, rigid_types
 from warp_cloth.kernels.implicit.sparse import sparse_types
-from warp_cloth.kernels.math.symmetric import inverse, symmetric_matrix_functions
+from warp_cloth.kernels.math.symmetric import full_matrix, inverse, upper_triangle
 
 
 @functools.cache
@@ -47,26 +48,20 @@ def lever_function(precision: str) -> wp.Function:
     return lever
 
 
-@functools.cache
-def store_quarter_function(precision: str) -> wp.Function:
-    mat3, RigidLevel = stiffness_types(precision).mat3, rigid_types(precision).RigidLevel
-
-    @wp.func
-    def store_quarter(level: RigidLevel, entry: int, row: int, column: int, quarter: mat3):
-        """Stores the 3 x 3 quarter of a block that begins at a row and column."""
-        for i in range(3):
-            for j in range(3):
-                level.block[entry // INTERLEAVED, 6 * (row + i) + column + j, entry % INTERLEAVED] = quarter[i, j]
-
-    return store_quarter
+@wp.func
+def store_quarter(level: Any, entry: int, row: int, column: int, quarter: Any):
+    """Stores the 3 x 3 quarter of a block that begins at a row and column."""
+    for i in range(3):
+        for j in range(3):
+            level.block[entry // INTERLEAVED, 6 * (row + i) + column + j, entry % INTERLEAVED] = quarter[i, j]
 
 
 @functools.cache
 def assemble_blocks_kernel(precision: str) -> wp.Kernel:
     types, own, RigidLevel = cloth_types(precision), stiffness_types(precision), rigid_types(precision).RigidLevel
     mat3, vec6, State = own.mat3, own.vec6, types.State
-    full_matrix, lever = symmetric_matrix_functions(precision).full_matrix, lever_function(precision)
-    store_quarter, add_in_lane_order = store_quarter_function(precision), add_in_lane_order_function(precision, mat3)
+    lever = lever_function(precision)
+    add_in_lane_order = add_in_lane_order_function(precision, mat3)
 
     @wp.func
     def store_block(level: RigidLevel, entry: int, tt: mat3, tw: mat3, wt: mat3, ww: mat3):
@@ -124,8 +119,6 @@ def assemble_blocks_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def invert_diagonal_kernel(precision: str) -> wp.Kernel:
     mat3, RigidLevel = stiffness_types(precision).mat3, rigid_types(precision).RigidLevel
-    symmetric = symmetric_matrix_functions(precision)
-    upper_triangle, full_matrix = symmetric.upper_triangle, symmetric.full_matrix
 
     @wp.func
     def quarter_of(level: RigidLevel, entry: int, row: int, column: int):

@@ -15,7 +15,7 @@ from warp_cloth.kernels.base.block import block_of, block_threads, lane_of
 from warp_cloth.kernels.base.reduction import Chunks, sum_chunk
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.implicit.rigid_types import rigid_types
-from warp_cloth.kernels.implicit.system import filter_function, system_types
+from warp_cloth.kernels.implicit.system import filtered, system_types
 
 
 @functools.cache
@@ -66,7 +66,7 @@ def restrict_wrenches_kernel(precision: str) -> wp.Kernel:
 def prolong_motion_kernel(precision: str) -> wp.Kernel:
     types, own, fine = cloth_types(precision), rigid_types(precision), system_types(precision)
     real, vec3, State, RigidLevel, RigidState = types.real, types.vec3, types.State, own.RigidLevel, own.RigidState
-    LinearSystem, SolutionState, filtered = fine.LinearSystem, fine.SolutionState, filter_function(precision)
+    LinearSystem, SolutionState = fine.LinearSystem, fine.SolutionState
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def prolong_motion(

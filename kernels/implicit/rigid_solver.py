@@ -5,6 +5,7 @@ each other at a grid barrier twice an iteration. The preconditioner is each vert
 """
 
 import functools
+from typing import Any
 
 import warp as wp
 
@@ -12,40 +13,34 @@ from warp_cloth.kernels.base.block import block_of, block_threads, lane_of, wait
 from warp_cloth.kernels.base.reduction import coherent_load_function, garment_ratio, grid_barrier, sum_chunk
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.implicit.rigid_types import INTERLEAVED, rigid_types
+from warp_cloth.kernels.math.operators import add, mul, sub  # noqa: F401  what + - * below call
+from warp_cloth.kernels.math.packet import vector3
 from warp_cloth.kernels.math.symmetric import symmetric_times
 
 
-@functools.cache
-def precondition_function(precision: str) -> wp.Function:
-    """The function ``precondition``, of one coarse vertex."""
-    vec3, own = cloth_types(precision).vec3, rigid_types(precision)
-    RigidLevel, RigidState = own.RigidLevel, own.RigidState
+@wp.func
+def precondition(level: Any, rigid: Any, vertex: int, force: Any, moment: Any):
+    """Stores a coarse vertex's residual, its correction by its own block, and the product of both.
 
-    @wp.func
-    def precondition(level: RigidLevel, rigid: RigidState, vertex: int, force: vec3, moment: vec3):
-        """Stores a coarse vertex's residual, its correction by its own block, and the product of both.
-
-        w = Schur^-1 (moment - K_tw^T K_tt^-1 force), t = K_tt^-1 (force - K_tw w).
-        """
-        tw = level.cross[vertex]
-        inverse_tt = level.inverse[vertex, 0]
-        left = moment - wp.transpose(tw) * symmetric_times(inverse_tt, force)
-        rotation = symmetric_times(level.inverse[vertex, 1], left)
-        translation = symmetric_times(inverse_tt, force - tw * rotation)
-        rigid.residual[2 * vertex] = force
-        rigid.residual[2 * vertex + 1] = moment
-        rigid.correction[2 * vertex] = translation
-        rigid.correction[2 * vertex + 1] = rotation
-        rho = wp.float64(wp.dot(force, translation)) + wp.float64(wp.dot(moment, rotation))
-        level.chunks.scratch[vertex] = rho
-
-    return precondition
+    w = Schur^-1 (moment - K_tw^T K_tt^-1 force), t = K_tt^-1 (force - K_tw w).
+    """
+    tw = level.cross[vertex]
+    inverse_tt = level.inverse[vertex, 0]
+    left = moment - wp.transpose(tw) * symmetric_times(inverse_tt, force)
+    rotation = symmetric_times(level.inverse[vertex, 1], left)
+    translation = symmetric_times(inverse_tt, force - tw * rotation)
+    rigid.residual[2 * vertex] = force
+    rigid.residual[2 * vertex + 1] = moment
+    rigid.correction[2 * vertex] = translation
+    rigid.correction[2 * vertex + 1] = rotation
+    rho = wp.float64(wp.dot(force, translation)) + wp.float64(wp.dot(moment, rotation))
+    level.chunks.scratch[vertex] = rho
 
 
 @functools.cache
 def begin_chunk_function(precision: str) -> wp.Function:
     vec3, own = cloth_types(precision).vec3, rigid_types(precision)
-    RigidLevel, RigidState, precondition = own.RigidLevel, own.RigidState, precondition_function(precision)
+    RigidLevel, RigidState = own.RigidLevel, own.RigidState
 
     @wp.func
     def wrench_on(level: RigidLevel, rigid: RigidState, vertex: int, which: int):
@@ -74,48 +69,34 @@ def begin_chunk_function(precision: str) -> wp.Function:
     return begin_chunk
 
 
-@functools.cache
-def resistance_function(precision: str) -> wp.Function:
-    vec3, RigidState = cloth_types(precision).vec3, rigid_types(precision).RigidState
-
-    @wp.func
-    def resistance(rigid: RigidState, i: int):
-        """Vector i of K direction: the force or the moment that resists it."""
-        return vec3(rigid.product[3 * i], rigid.product[3 * i + 1], rigid.product[3 * i + 2])
-
-    return resistance
+@wp.func
+def resistance(rigid: Any, i: int):
+    """Vector i of K direction: the force or the moment that resists it."""
+    return vector3(rigid.product[3 * i], rigid.product[3 * i + 1], rigid.product[3 * i + 2])
 
 
-@functools.cache
-def block_product_function(precision: str) -> wp.Function:
-    """The function ``multiply_block``: one block times a direction."""
-    vec6, own = cloth_types(precision).vec6, rigid_types(precision)
-    RigidLevel, RigidState = own.RigidLevel, own.RigidState
+@wp.func
+def block_number(level: Any, entry: int, row: int, column: int):
+    """One of a block's 36 numbers."""
+    return level.block[entry // INTERLEAVED, 6 * row + column, entry % INTERLEAVED]
 
-    @wp.func
-    def number(level: RigidLevel, entry: int, row: int, column: int):
-        """One of a block's 36 numbers."""
-        return level.block[entry // INTERLEAVED, 6 * row + column, entry % INTERLEAVED]
 
-    @wp.func
-    def multiply_block(level: RigidLevel, rigid: RigidState, entry: int, d: vec6):
-        """Stores the block's six terms of the product."""
-        for k in range(6):
-            by_translation = number(level, entry, k, 0) * d[0] + number(level, entry, k, 1) * d[1]
-            by_translation += number(level, entry, k, 2) * d[2]
-            by_rotation = number(level, entry, k, 3) * d[3] + number(level, entry, k, 4) * d[4]
-            by_rotation += number(level, entry, k, 5) * d[5]
-            rigid.product_term[entry, k] = by_translation + by_rotation
-
-    return multiply_block
+@wp.func
+def multiply_block(level: Any, rigid: Any, entry: int, d: Any):
+    """Stores the block's six terms of the product."""
+    for k in range(6):
+        by_translation = block_number(level, entry, k, 0) * d[0] + block_number(level, entry, k, 1) * d[1]
+        by_translation += block_number(level, entry, k, 2) * d[2]
+        by_rotation = block_number(level, entry, k, 3) * d[3] + block_number(level, entry, k, 4) * d[4]
+        by_rotation += block_number(level, entry, k, 5) * d[5]
+        rigid.product_term[entry, k] = by_translation + by_rotation
 
 
 @functools.cache
 def multiply_chunk_function(precision: str) -> wp.Function:
     real, vec3, own = cloth_types(precision).real, cloth_types(precision).vec3, rigid_types(precision)
     RigidLevel, RigidState, vectors = own.RigidLevel, own.RigidState, wp.array(dtype=vec3)
-    coherent_load, resistance = coherent_load_function(precision), resistance_function(precision)
-    multiply_block = block_product_function(precision)
+    coherent_load = coherent_load_function(precision)
 
     @wp.func
     def row_sum(level: RigidLevel, rigid: RigidState, vertex: int, i: int):
@@ -159,28 +140,17 @@ def multiply_chunk_function(precision: str) -> wp.Function:
     return multiply_chunk
 
 
-@functools.cache
-def advance_chunk_function(precision: str) -> wp.Function:
-    real, vec3, own = cloth_types(precision).real, cloth_types(precision).vec3, rigid_types(precision)
-    RigidLevel, RigidState = own.RigidLevel, own.RigidState
-    sums, vectors = wp.array(dtype=wp.float64), wp.array(dtype=vec3)
-    precondition, resistance = precondition_function(precision), resistance_function(precision)
-
-    @wp.func
-    def advance_chunk(
-        level: RigidLevel, rigid: RigidState, chunk: int, thread: int, alpha: real, direction: vectors, rho: sums
-    ):
-        """x <- x + alpha p, r <- r - alpha K p, z = B r, rho = r . z."""
-        lane = lane_of(thread)
-        for vertex in range(level.chunks.first[chunk] + lane, level.chunks.first[chunk + 1], block_threads()):
-            t, w = 2 * vertex, 2 * vertex + 1
-            rigid.displacement[t] = rigid.displacement[t] + direction[t] * alpha
-            rigid.displacement[w] = rigid.displacement[w] + direction[w] * alpha
-            force = rigid.residual[t] - resistance(rigid, t) * alpha
-            precondition(level, rigid, vertex, force, rigid.residual[w] - resistance(rigid, w) * alpha)
-        sum_chunk(level.chunks, chunk, lane, rho)
-
-    return advance_chunk
+@wp.func
+def advance_chunk(level: Any, rigid: Any, chunk: int, thread: int, alpha: Any, direction: Any, rho: Any):
+    """x <- x + alpha p, r <- r - alpha K p, z = B r, rho = r . z."""
+    lane = lane_of(thread)
+    for vertex in range(level.chunks.first[chunk] + lane, level.chunks.first[chunk + 1], block_threads()):
+        t, w = 2 * vertex, 2 * vertex + 1
+        rigid.displacement[t] = rigid.displacement[t] + direction[t] * alpha
+        rigid.displacement[w] = rigid.displacement[w] + direction[w] * alpha
+        force = rigid.residual[t] - resistance(rigid, t) * alpha
+        precondition(level, rigid, vertex, force, rigid.residual[w] - resistance(rigid, w) * alpha)
+    sum_chunk(level.chunks, chunk, lane, rho)
 
 
 @functools.cache
@@ -189,7 +159,6 @@ def solve_rigid_level_kernel(precision: str) -> wp.Kernel:
     RigidLevel, RigidState = own.RigidLevel, own.RigidState
     sums, vectors = wp.array(dtype=wp.float64), wp.array(dtype=vec3)
     begin_chunk, multiply_chunk = begin_chunk_function(precision), multiply_chunk_function(precision)
-    advance_chunk = advance_chunk_function(precision)
 
     @wp.func
     def iterate(

@@ -2,6 +2,7 @@
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -26,23 +27,19 @@ def sparse_types(precision: str) -> SimpleNamespace:
     return SimpleNamespace(CsrMatrix=CsrMatrix)
 
 
-@functools.cache
-def add_row_function(precision: str) -> wp.Function:
-    """The function ``add_row``: a row times a vector of displacements [m] or forces [N], by a single thread."""
-    vec3, CsrMatrix = cloth_types(precision).vec3, sparse_types(precision).CsrMatrix
+@wp.func
+def add_row(sum: Any, matrix: Any, row: int, x: Any):
+    """sum + sum_j P_ij x_j of displacements [m] or forces [N], added in the order of the row by a single thread.
 
-    @wp.func
-    def add_row(sum: vec3, matrix: CsrMatrix, row: int, x: wp.array(dtype=vec3)):
-        """sum + sum_j P_ij x_j, added in the order of the row; by fours, whose loads are issued together."""
-        start, last = matrix.start[row], matrix.start[row + 1]
-        for entry in range(start, last - 3, 4):
-            for i in range(4):
-                sum += x[matrix.column[entry + i]] * matrix.value[entry + i]
-        for entry in range(start + (last - start) // 4 * 4, last):
-            sum += x[matrix.column[entry]] * matrix.value[entry]
-        return sum
-
-    return add_row
+    By fours, whose loads are issued together; ``matrix`` is a CsrMatrix.
+    """
+    start, last = matrix.start[row], matrix.start[row + 1]
+    for entry in range(start, last - 3, 4):
+        for i in range(4):
+            sum += x[matrix.column[entry + i]] * matrix.value[entry + i]
+    for entry in range(start + (last - start) // 4 * 4, last):
+        sum += x[matrix.column[entry]] * matrix.value[entry]
+    return sum
 
 
 @functools.cache

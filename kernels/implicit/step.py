@@ -2,21 +2,22 @@
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, free_function, rest_function
-from warp_cloth.kernels.implicit.adaptive_inertia import adapt_inertia_function, grow_free_fall_kernel
-from warp_cloth.kernels.implicit.avatar_constraint import close_function, presses_function, stick_or_slip_function
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, free_function, rests
+from warp_cloth.kernels.implicit.adaptive_inertia import adapt_inertia, grow_free_fall_kernel
+from warp_cloth.kernels.implicit.avatar_constraint import close, presses, stick_or_slip
 from warp_cloth.kernels.implicit.momentum import adapt_momentum_kernel, measure_momentum_work_kernel
-from warp_cloth.kernels.implicit.system import FIXED, FREE, SLIDING, filter_function, system_types
+from warp_cloth.kernels.implicit.system import FIXED, FREE, SLIDING, filtered, system_types
 from warp_cloth.kernels.laws.friction import friction_slide
 from warp_cloth.kernels.math.symmetric import (
     inverse,
     multiple_of_unit,
     outer,
-    symmetric_matrix_functions,
     symmetric_times,
+    upper_triangle,
 )
 from warp_cloth.kernels.passes.step import capped, colliders_type
 
@@ -25,7 +26,6 @@ from warp_cloth.kernels.passes.step import capped, colliders_type
 def own_block_function(precision: str) -> wp.Function:
     """The function ``own_block``: the stiffness around a vertex."""
     vec6, LinearSystem = cloth_types(precision).vec6, system_types(precision).LinearSystem
-    upper_triangle = symmetric_matrix_functions(precision).upper_triangle
 
     @wp.func
     def own_block(system: LinearSystem, vertex: int):
@@ -42,23 +42,15 @@ def own_block_function(precision: str) -> wp.Function:
     return own_block
 
 
-@functools.cache
-def anchor_function(precision: str) -> wp.Function:
-    """The function ``anchor_of``: what resists a vertex's displacement besides its neighbours."""
-    real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
-    vec6 = cloth_types(precision).vec6
-
-    @wp.func
-    def anchor_of(diagonal: real, constraint: int, normal: vec3, block: vec6):
-        """Stiffness of a vertex against the world [N/m]: inertia and drag, and its own where it may not move."""
-        anchor = multiple_of_unit(diagonal)
-        if constraint == SLIDING:
-            anchor += outer(wp.dot(normal, symmetric_times(block, normal)), normal)
-        if constraint == FIXED:
-            anchor += block
-        return anchor
-
-    return anchor_of
+@wp.func
+def anchor_of(diagonal: Any, constraint: int, normal: Any, block: Any):
+    """Stiffness of a vertex against the world [N/m]: inertia and drag, and its own where it may not move."""
+    anchor = multiple_of_unit(diagonal)
+    if constraint == SLIDING:
+        anchor += outer(wp.dot(normal, symmetric_times(block, normal)), normal)
+    if constraint == FIXED:
+        anchor += block
+    return anchor
 
 
 @functools.cache
@@ -69,11 +61,8 @@ def prepare_step_kernel(
     types, own = cloth_types(precision), system_types(precision)
     real, vec3, vec4, Model, State, Step = types.real, types.vec3, types.vec4, types.Model, types.State, types.Step
     LinearSystem, SolutionState, ImplicitState = own.LinearSystem, own.SolutionState, own.ImplicitState
-    free, rests = free_function(precision, pins), rest_function(precision)
-    filtered = filter_function(precision)
-    own_block, anchor_of = own_block_function(precision), anchor_function(precision)
-    close, presses = close_function(precision), presses_function(precision)
-    stick_or_slip, adapt_inertia = stick_or_slip_function(precision), adapt_inertia_function(precision)
+    free = free_function(precision, pins)
+    own_block = own_block_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def prepare_step(

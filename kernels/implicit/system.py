@@ -7,6 +7,7 @@ vertex is filtered, not eliminated: every product and every correction drops wha
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -64,19 +65,12 @@ def system_types(precision: str) -> SimpleNamespace:
     return SimpleNamespace(LinearSystem=LinearSystem, SolutionState=SolutionState, ImplicitState=ImplicitState)
 
 
-@functools.cache
-def filter_function(precision: str) -> wp.Function:
-    """The function ``filtered``: what a constraint leaves of a force or displacement."""
-    vec3 = cloth_types(precision).vec3
-
-    @wp.func
-    def filtered(v: vec3, normal: vec3, constraint: int):
-        """v where FREE, v - n (n . v) where SLIDING, zero where FIXED."""
-        result = v
-        if constraint == SLIDING:
-            result = v - normal * wp.dot(v, normal)
-        if constraint == FIXED:
-            result = vec3()
-        return result
-
-    return filtered
+@wp.func
+def filtered(v: Any, normal: Any, constraint: int):
+    """What a constraint leaves of a force or displacement: v if FREE, v - n (n . v) if SLIDING, zero if FIXED."""
+    result = v
+    if constraint == SLIDING:
+        result = v - normal * wp.dot(v, normal)
+    if constraint == FIXED:
+        result = type(v)()
+    return result

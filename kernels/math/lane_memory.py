@@ -10,7 +10,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.access import add_to, element
-from warp_cloth.kernels.base.types import cloth_types, rest_function
+from warp_cloth.kernels.base.types import cloth_types, rests
 from warp_cloth.kernels.math.packet_memory import (
     active_lanes_function,
     add_packets,
@@ -91,7 +91,7 @@ def lane_memory(precision: str, lanes: int) -> SimpleNamespace:
             load_signed=load_packet_signed, load_signs=load_signs, load_sides=load_sides,
             add=add_packets, store=store_packet,
         )  # fmt: skip
-    types, rests = cloth_types(precision), rest_function(precision)
+    types = cloth_types(precision)
     real, vec3, Model = types.real, types.vec3, types.Model
 
     @wp.func

@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.access import element
-from warp_cloth.kernels.base.types import cloth_types, rest_function
+from warp_cloth.kernels.base.types import cloth_types, rests
 from warp_cloth.kernels.math.lanes import WIDTH as EIGHT
 from warp_cloth.kernels.math.lanes import lane_types
 
@@ -334,7 +334,7 @@ def first_of_packet(number: int, count: int) -> int:
 
 @functools.cache
 def active_lanes_function(precision: str) -> wp.Function:
-    Model, rests = cloth_types(precision).Model, rest_function(precision)
+    Model = cloth_types(precision).Model
 
     @wp.func
     def active_lanes(model: Model, places: Any, number: int):

@@ -17,7 +17,7 @@ import warp as wp
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.active_set import active_element
 from warp_cloth.kernels.base.options import Accumulate, Terms
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, rest_function
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, rests
 from warp_cloth.kernels.elements.edge import edge_functions
 from warp_cloth.kernels.laws.tension import spring_constants, tension_force, tension_stiffness, transverse_fraction
 from warp_cloth.kernels.laws.yarn import (
@@ -138,7 +138,6 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
     )
     functions = edge_functions(precision, Accumulate.ANISOTROPIC_STIFFNESS, terms.angles)
     edge_span, edge_fold = functions.edge_span, functions.edge_fold
-    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def bound_folds(
@@ -171,21 +170,14 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
     return bound_folds
 
 
-@functools.cache
-def compliance_function(precision: str) -> wp.Function:
-    """The function ``compliance_of``: the compliance of a vertex from its bounds."""
-    real, vec6 = cloth_types(precision).real, cloth_types(precision).vec6
-
-    @wp.func
-    def compliance_of(matrix: vec6, total: real, limit: real):
-        """(B / k + I / limit)^-1, with B the matrix and k the total of what bounds the vertex' step."""
-        one = real(1.0)
-        compliance = multiple_of_unit(one)
-        if total > real(0.0):
-            compliance = inverse(matrix / total + multiple_of_unit(one / limit))
-        return compliance
-
-    return compliance_of
+@wp.func
+def compliance_of(matrix: Any, total: Any, limit: Any):
+    """(B / k + I / limit)^-1, with B the matrix and k the total of what bounds the vertex' step."""
+    one = type(total)(1.0)
+    compliance = multiple_of_unit(one)
+    if total > type(total)(0.0):
+        compliance = inverse(matrix / total + multiple_of_unit(one / limit))
+    return compliance
 
 
 def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order: bool) -> wp.Kernel:
@@ -193,10 +185,8 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
     position_at, displacement_at, put_compliance = order.position_at, order.displacement_at, order.put_compliance
     real, Model, State, Step = types.real, types.Model, types.State, types.Step
     Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
-    compliance_of = compliance_function(precision)
     sides_of = sides_function(precision, Accumulate.ANISOTROPIC_STIFFNESS, packed, in_order)
     difference = difference_function(precision)
-    rests = rest_function(precision)
 
     @wp.func
     def bound_of(side: int, bound: wp.array(dtype=real)):
@@ -261,23 +251,15 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
     return find_compliance
 
 
-@functools.cache
-def transfer_function(precision: str) -> wp.Function:
-    types = cloth_types(precision)
-    real, vec3, vec6 = types.real, types.vec3, types.vec6
-    half = wp.constant(real(0.5))
+@wp.func
+def transferred(old: Any, new: Any, move: Any):
+    """The part of a displacement that adds no energy to the oscillation when its vertex' compliance changes.
 
-    @wp.func
-    def transferred(old: vec6, new: vec6, move: vec3):
-        """The part of a displacement that adds no energy to the oscillation when its vertex' compliance changes.
-
-        A step of compliance L oscillates with the inertia k / L. Where that changes from L0 to L1, d becomes
-        2 L1 (L0 + L1)^-1 d: d' k/L1 d' is never more than d k/L0 d. From update to update compliance changes so little
-        that doing without takes as many iterations (a T-shirt, six starts), and saves the inverse.
-        """
-        return symmetric_times(new, symmetric_times(bounded_inverse((old + new) * half), move))
-
-    return transferred
+    A step of compliance L oscillates with the inertia k / L. Where that changes from L0 to L1, d becomes
+    2 L1 (L0 + L1)^-1 d: d' k/L1 d' is never more than d k/L0 d. From update to update compliance changes so little
+    that doing without takes as many iterations (a T-shirt, six starts), and saves the inverse.
+    """
+    return symmetric_times(new, symmetric_times(bounded_inverse((old + new) * type(old[0])(0.5)), move))
 
 
 @functools.cache

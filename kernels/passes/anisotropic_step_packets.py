@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.base.options import Terms
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rests
 from warp_cloth.kernels.math.lanes import WIDTH, lane_types
 from warp_cloth.kernels.math.operators import add, mul, sub  # noqa: F401  what + - * below call for packets
 from warp_cloth.kernels.math.packet import component, vector4
@@ -25,7 +25,7 @@ from warp_cloth.kernels.math.packet_memory import (
     load_packet_signed,
     load_sides,
 )
-from warp_cloth.kernels.passes.anisotropic_step import compliance_function, folds_bound, yarn_bounds, yarns_matrix
+from warp_cloth.kernels.passes.anisotropic_step import compliance_of, folds_bound, yarn_bounds, yarns_matrix
 
 
 def _begin_kernel(precision: str) -> wp.Kernel:
@@ -121,8 +121,6 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
 def _end_kernel(precision: str) -> wp.Kernel:
     types = cloth_types(precision)
     real, vec4, vec6, Model, State = types.real, types.vec4, types.vec6, types.Model, types.State
-    compliance_of = compliance_function(precision)
-    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def take_bounds(

@@ -10,7 +10,7 @@ from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.laws.friction import friction_slide
 from warp_cloth.kernels.math.real import inner, root, scaled_sum
 from warp_cloth.kernels.math.symmetric import multiple_of_unit
-from warp_cloth.kernels.passes.anisotropic_step import transfer_function
+from warp_cloth.kernels.passes.anisotropic_step import transferred
 
 LONGER, STEP = wp.constant(1.0001), wp.constant(1.0e-9)  # more than rounding adds to a way, as a share and [m]
 
@@ -26,7 +26,7 @@ def query_function(options: KernelOptions, saves_queries: bool, prefetched: bool
     real, vec3, vec6, State, Item, Vertex = (
         types.real, types.vec3, types.vec6, types.State, types.Item, types.Vertex,
     )  # fmt: skip
-    transferred, avatar_contact = transfer_function(options.precision), options.avatar_contact
+    avatar_contact = options.avatar_contact
 
     @wp.func
     def pushed_move(at: wp.vec4f, depth: float, move: vec3, item: Item):

@@ -43,7 +43,7 @@ from warp_cloth.kernels.patches.memory import (
     next_functions,
     patch_of,
 )
-from warp_cloth.kernels.patches.packing import order_functions, three_function
+from warp_cloth.kernels.patches.packing import first_three, order_functions
 from warp_cloth.kernels.patches.steps import point_functions
 
 
@@ -79,7 +79,7 @@ def block_read_function(options: KernelOptions) -> wp.Function:
     types = cloth_types(precision)
     Model, State, Vertex, Item, Context = types.Model, types.State, types.Vertex, types.Item, context_type(precision)
     point_at, read_4 = point_functions(precision, True).point_at, memory_functions(precision, True).read_4
-    first_three, read_vertex = three_function(precision), read_function(options)
+    read_vertex = read_function(options)
 
     @wp.func
     def read_memory(context: Context, model: Model, state: State, local: int, index: int, item: Item):

@@ -12,7 +12,7 @@ import warp as wp
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.active_set import active_element
 from warp_cloth.kernels.base.options import Accumulate, Terms
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function, takes_exact_stretch
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rests, takes_exact_stretch
 from warp_cloth.kernels.elements.edge import edge_functions, edge_length, span_type
 from warp_cloth.kernels.elements.triangle import corner_function, sides_type, triangle_functions
 from warp_cloth.kernels.laws.bending import unit_normal
@@ -32,7 +32,6 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
     position_at = order_functions(precision, packed).position_at
     vec4, Model, State, Triangles, Step = types.vec4, types.Model, types.State, types.Triangles, types.Step
     triangle_normal = triangle_functions(precision, Accumulate.NONE).triangle_normal
-    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_normals(

@@ -125,23 +125,15 @@ def saves_queries(options: KernelOptions) -> bool:
     return options.avatar_contact is field_contact and not options.cloth_contact and not options.few
 
 
-@functools.cache
-def compliant_descent_function(precision: str) -> wp.Function:
-    """The function that tells how far a force takes a vertex that has compliance."""
-    types = cloth_types(precision)
-    real, vec3, vec6 = types.real, types.vec3, types.vec6
+@wp.func
+def compliant_descent(stiff: Any, force: Any, own: Any, stiffness: Any):
+    """Displacement (k L^-1 + (s - k) I)^-1 f: L is the compliance of the cloth's ``own`` part k of the stiffness s.
 
-    @wp.func
-    def compliant_descent(stiff: vec6, force: vec3, own: real, stiffness: real):
-        """Displacement (k L^-1 + (s - k) I)^-1 f: L is the compliance of the cloth's ``own`` part k of the stiffness s.
-
-        ``stiff`` is L^-1. What presses, and what was stiff before, is so in all directions: a vertex pressed hard has
-        no compliance.
-        """
-        share = wp.min(own, stiffness)
-        return symmetric_times(bounded_inverse(stiff * share + multiple_of_unit(stiffness - share)), force)
-
-    return compliant_descent
+    ``stiff`` is L^-1. What presses, and what was stiff before, is so in all directions: a vertex pressed hard has
+    no compliance.
+    """
+    share = wp.min(own, stiffness)
+    return symmetric_times(bounded_inverse(stiff * share + multiple_of_unit(stiffness - share)), force)
 
 
 def swings_evenly(options: KernelOptions) -> bool:
@@ -203,7 +195,7 @@ def free_displacement_function(options: KernelOptions) -> wp.Function:
     """The function that turns a load into a displacement where nothing is met."""
     types = cloth_types(options.precision)
     real, vec3, vec4, Vertex, Step = types.real, types.vec3, types.vec4, types.Vertex, types.Step
-    steady, compliant_descent = swings_evenly(options), compliant_descent_function(options.precision)
+    steady = swings_evenly(options)
     Prefetched = prefetched_type(options)
     force_descent = descent_function(options.precision, steady)
     with_momentum = momentum_function(options.precision, steady)

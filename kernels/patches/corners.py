@@ -12,7 +12,7 @@ from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.elements.triangle import corner_function, triangle_functions
 from warp_cloth.kernels.math.real import inner
 from warp_cloth.kernels.patches.memory import context_type, stride_function
-from warp_cloth.kernels.patches.packing import three_function
+from warp_cloth.kernels.patches.packing import first_three
 from warp_cloth.kernels.patches.steps import packed, point_functions
 
 
@@ -27,7 +27,6 @@ def sides_functions(options: KernelOptions) -> SimpleNamespace:
     read_2, read_3 = functions.read_2, functions.read_3
     triangle_sides = triangle_functions(precision, accumulate).triangle_sides
     numbers, size_4 = fold_numbers(terms), 4 * types.real_size
-    first_three = three_function(precision)
 
     @wp.func
     def fold_at(context: Context, edge: int, along: vec3):

@@ -9,12 +9,15 @@ single positions, which then lie as ever.
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
 from warp_cloth.kernels.base.access import element, put
 from warp_cloth.kernels.base.active_set import active_element
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rests
+from warp_cloth.kernels.math.operators import add, mul, sub  # noqa: F401  as in every file that has packets' words
+from warp_cloth.kernels.math.packet import vector3, vector4
 from warp_cloth.kernels.math.real import inner, root
 
 _POINT = """
@@ -92,31 +95,16 @@ for _dtype in (wp.vec3f, wp.vec3d):
         ...
 
 
-@functools.cache
-def with_length_function(precision: str) -> wp.Function:
-    """The function that adds to a displacement how long it is."""
-    types = cloth_types(precision)
-    vec3, vec4 = types.vec3, types.vec4
-
-    @wp.func
-    def sized(move: vec3):
-        """A displacement and how long it is [m]."""
-        return vec4(move[0], move[1], move[2], root(inner(move, move)))
-
-    return sized
+@wp.func
+def sized(move: Any):
+    """A displacement and how long it is [m]."""
+    return vector4(move[0], move[1], move[2], root(inner(move, move)))
 
 
-@functools.cache
-def three_function(precision: str) -> wp.Function:
-    """The function that takes the first three of four."""
-    types = cloth_types(precision)
-
-    @wp.func
-    def first_three(four: types.vec4):
-        """The first three of four."""
-        return types.vec3(four[0], four[1], four[2])
-
-    return first_three
+@wp.func
+def first_three(four: Any):
+    """The first three of four."""
+    return vector3(four[0], four[1], four[2])
 
 
 @functools.cache
@@ -130,7 +118,6 @@ def order_functions(precision: str, packed: bool, in_order: bool = True) -> Simp
     """
     types = cloth_types(precision)
     point, vec3, vec6, State = types.point, types.vec3, types.vec6, types.State
-    sized, first_three = with_length_function(precision), three_function(precision)
     stored = types.vec4 if in_order else vec3
 
     @wp.func
@@ -202,7 +189,7 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
     """
     types = cloth_types(precision)
     point, real, vec3, Model, State = types.point, types.real, types.vec3, types.Model, types.State
-    rests, orders = rest_function(precision), order_functions(precision, packed)
+    orders = order_functions(precision, packed)
     put_there, put_displacement, position_at, displacement_at = (
         orders.put_position, orders.put_displacement, orders.position_at, orders.displacement_at,
     )  # fmt: skip

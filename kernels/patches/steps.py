@@ -23,7 +23,7 @@ from warp_cloth.kernels.base.types import Patch, cloth_types, difference_functio
 from warp_cloth.kernels.elements.edge import edge_functions
 from warp_cloth.kernels.elements.triangle import triangle_functions
 from warp_cloth.kernels.patches.memory import context_type
-from warp_cloth.kernels.patches.packing import order_functions, three_function
+from warp_cloth.kernels.patches.packing import first_three, order_functions
 
 _PACKED = """
     const unsigned int pair = (unsigned int)(place < 2 ? word : word >> 32);
@@ -247,7 +247,6 @@ def edge_functions_of_patch(options: KernelOptions) -> SimpleNamespace:
     write_2, write_3, write_4 = functions.write_2, functions.write_3, functions.write_4
     edge = edge_functions(precision, accumulate, terms.angles)
     side_span, edge_load, edge_fold = edge.side_span, edge.edge_load, edge.edge_fold
-    first_three = three_function(precision)
     exact = takes_exact_stretch(precision, accumulate)
 
     @wp.func
