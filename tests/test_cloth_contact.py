@@ -110,11 +110,11 @@ def test_few_that_have_used_up_their_skins_wait_for_a_search_and_many_do_not() -
         return int(cloth_contact.pair_search.memory.search.numpy()[0]) > before
 
     assert not searched(0, 1000)
-    assert searched(data.trigger.request_limit + 1, 1001)  # now
-    assert not searched(1, 1001 + data.trigger.longest_wait - 1)
-    assert not searched(0, 1001 + data.trigger.longest_wait - 1)
-    assert searched(0, 1001 + data.trigger.longest_wait)  # which that one has waited for
-    assert not searched(0, 1001 + 10 * data.trigger.longest_wait)
+    assert searched(data.model.request_limit + 1, 1001)  # now
+    assert not searched(1, 1001 + data.model.longest_wait - 1)
+    assert not searched(0, 1001 + data.model.longest_wait - 1)
+    assert searched(0, 1001 + data.model.longest_wait)  # which that one has waited for
+    assert not searched(0, 1001 + 10 * data.model.longest_wait)
 
 
 def test_forces_are_the_gradient_of_the_energy_and_balance() -> None:

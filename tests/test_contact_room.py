@@ -55,6 +55,6 @@ def test_what_is_left_alone_is_farther_apart_than_may_meet_in_a_move() -> None:
             if kind & 1:
                 s, t = edge_weights(*x)
                 weights = [1.0 - s, s, t - 1.0, -t]
-            assert np.linalg.norm(np.array(weights) @ x) > 0.999 * data.pairs.active_distance
+            assert np.linalg.norm(np.array(weights) @ x) > 0.999 * data.model.active_distance
         found += len(alone)
     assert found > 1000

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import itertools
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -101,7 +102,7 @@ def test_kernels_are_named_by_a_verb_and_write_to_outputs_named_so(path: Path) -
 
 # Structs that are no State, and which kernels write nevertheless: memory of the solver's own.
 SCRATCH = {
-    "ContactData": "cloth contact: what a step changes of it lies beside its constants, by role",
+    "ContactData": "cloth contact: its state and scratch, all but ``model``",
     "ContactSearch": "trees and boxes of a search, refitted in place",
     "StickMemory": "hash table of static friction",
     "Candidates": "lists of the broad phase",
@@ -116,6 +117,11 @@ IN_PLACE = {
     ("pair_layers", "surface"),
     ("add_contact_load", "load"),
 }
+
+
+def test_no_kernel_writes_the_constants_of_cloth_contact() -> None:
+    for path in FILES:
+        assert not re.search(r"contact\.model\.\w+(\[[^\]]*\])? \S?= ", path.read_text(encoding="utf-8")), path
 
 
 def test_kernels_show_what_they_write() -> None:

@@ -40,13 +40,19 @@ _REGION_BITS = 16  # a word packs four regions
 
 @wp.struct
 class ContactModel:
-    """Constants of the garments; V vertices."""
+    """What the host alone writes: constants of the garments, and what a stage of the fit goes by; V vertices."""
 
     thickness: wp.array(dtype=wp.float32)  # [m], shape [V]
     fabric: wp.array(dtype=wp.vec4f)  # of options.FabricField, shape [V]
     thickest: wp.float64  # greatest thickness [m]
     least_skin: wp.float64  # least search margin: of a vertex at rest [m]
     most_skin: wp.float64  # greatest search margin [m]
+    lift: wp.array(dtype=wp.float32)  # how much farther from the avatar than its offset a vertex stays [m], shape [V]
+    active_margin: wp.float64  # pairs apart by more than this beyond their thickness are skipped until due [m]
+    active_distance: wp.float64  # the same plus the least thickness: skipped pairs are farther apart [m]
+    check_interval: wp.float64  # iterations from one check whether a search is due to the next
+    request_limit: int  # requests per check that make a search due at once
+    longest_wait: int  # iterations since the last search after which any request makes one due
 
 
 @wp.struct
@@ -59,8 +65,6 @@ class ContactPairs:
     stick: wp.array(dtype=wp.vec4f)  # stick displacement of the first against the second [m], 0, shape [P]
     regions: wp.array(dtype=wp.uint64)  # of the four vertices, packed by ``pair_regions``, shape [P]
     due: wp.array(dtype=wp.int64)  # path of its regions after which it may be near again, of ``due_path``, shape [P]
-    active_margin: wp.float64  # pairs apart by more than this beyond their thickness are skipped until due [m]
-    active_distance: wp.float64  # the same plus the least thickness: skipped pairs are farther apart [m]
 
 
 @wp.struct
@@ -103,24 +107,22 @@ class SearchTrigger:
     skin: wp.array(dtype=wp.float32)  # margin: how far each may go from there until the next search [m], shape [V]
     due: wp.array(dtype=wp.int32)  # whether it is time for a search, shape [1]
     requests: wp.array(dtype=wp.int32)  # by vertices since the last check; whether any is pending, shape [2]
-    request_limit: int  # requests per check that make a search due at once
-    longest_wait: int  # iterations since the last search after which any request makes one due
-    check_interval: wp.float64  # iterations from one check to the next
     last_search: wp.array(dtype=wp.int32)  # its iteration, shape [1]
 
 
 @wp.struct
 class ContactData:
-    """All arrays of cloth contact."""
+    """All arrays of cloth contact: model, state, scratch. Made by warp_cloth.contact.arrays."""
 
     model: ContactModel
+    # state: what searches and iterations leave to the next ones
     pairs: ContactPairs
     bounds: DisplacementBounds
     trigger: SearchTrigger
+    shift: wp.array(dtype=wp.vec3f)  # untangling displacement in each iteration [m], shape [V]
+    # scratch: as it was again after an iteration
     sums: ContactSums
     blocks: ContactBlocks
-    lift: wp.array(dtype=wp.float32)  # how much farther from the avatar than its offset a vertex stays [m], shape [V]
-    shift: wp.array(dtype=wp.vec3f)  # untangling displacement in each iteration [m], shape [V]
 
 
 @wp.struct
@@ -219,11 +221,11 @@ def load_vertex_contact(contact: ContactData, vertex: int, position: wp.vec3d):
     moved = wp.vec3f(position - element(contact.trigger.position, vertex))
     known.skin = element(contact.trigger.skin, vertex)
     known.shift = element(contact.shift, vertex)
-    known.lift = element(contact.lift, vertex)
+    known.lift = element(contact.model.lift, vertex)
     known.region = element(contact.bounds.region, vertex)
     known.moved = root(inner(moved, moved))
     to_unknown = known.skin + float(wp.float64(0.49) * contact.model.thickest) - known.moved
-    known.step_limit = wp.max(wp.min(float(STEP_FRACTION * contact.pairs.active_distance), to_unknown), float(0.0))
+    known.step_limit = wp.max(wp.min(float(STEP_FRACTION * contact.model.active_distance), to_unknown), float(0.0))
     if element(contact.pairs.count, 0) > contact.pairs.corners.shape[0]:  # some pairs did not fit
         known.step_limit = float(0.0)
     return known
@@ -289,5 +291,5 @@ def due_path(contact: ContactData, kind: int, distance: wp.float64, thickness: w
 
     Before it is due a pair needs no step limit: steps within STEP_FRACTION of the active distance never reach it.
     """
-    apart = (distance - thickness - contact.pairs.active_margin) / LENGTH_UNIT
+    apart = (distance - thickness - contact.model.active_margin) / LENGTH_UNIT
     return tagged_path(wp.where(apart > NOTHING, path + wp.int64(apart), wp.int64(-2)), kind)

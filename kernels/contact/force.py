@@ -123,7 +123,7 @@ def limit_pair_step(
     path: wp.int64,
 ):
     """Lowers the step limits of a pair's vertices, or where it is far apart stores when it is due again."""
-    if distance > thickness + contact.pairs.active_margin:
+    if distance > thickness + contact.model.active_margin:
         contact.pairs.due[pair] = due_path(contact, kind, distance, thickness, path)
     else:
         limit = wp.int32(STEP_FRACTION * distance / LENGTH_UNIT)

@@ -49,7 +49,7 @@ def decide_search(contact: ContactData):
     pending = requests > 0 or contact.trigger.requests[1] > 0
     contact.trigger.requests[0] = 0
     waited = contact.bounds.iteration[0] - contact.trigger.last_search[0]
-    if requests > contact.trigger.request_limit or (pending and waited >= contact.trigger.longest_wait):
+    if requests > contact.model.request_limit or (pending and waited >= contact.model.longest_wait):
         contact.trigger.due[0] = 1
         pending = False
     contact.trigger.requests[1] = wp.where(pending, 1, 0)
@@ -75,7 +75,7 @@ def note_displacement(
 
     That is where it has used up its skin, or will have at the next check. The last two are of ``load_bounds``.
     """
-    if known.moved + (float(1.0) + float(contact.trigger.check_interval)) * length > known.skin:
+    if known.moved + (float(1.0) + float(contact.model.check_interval)) * length > known.skin:
         count_requests(contact.trigger.requests)
     if known.region > 0:
         raise_step(contact.bounds.step, iteration & 1, known.region, wp.int32(length * LONGER / float(LENGTH_UNIT)) + 1)
@@ -89,7 +89,7 @@ def note_displacement(
 def skin_used(contact: ContactData, vertex: int, position: wp.vec3d, displacement: wp.vec3d):
     """Fraction of its skin that a vertex has used up since the last search, or will have at the next check."""
     moved = wp.length(position - contact.trigger.position[vertex])
-    moved = moved + contact.trigger.check_interval * wp.length(displacement)
+    moved = moved + contact.model.check_interval * wp.length(displacement)
     return moved / wp.float64(contact.trigger.skin[vertex])
 
 

@@ -52,9 +52,16 @@ def packed_fabric(
 
 
 def contact_arrays(
-    sheets: Sheets, garments: Sequence[Garment], kinds: Sequence[SheetKind], permutation: Permutation
+    sheets: Sheets,
+    garments: Sequence[Garment],
+    kinds: Sequence[SheetKind],
+    permutation: Permutation,
+    skins: tuple[float, float],
 ) -> Any:
-    """Contact (kernels.contact.arrays ContactData) of these garments, asleep; the pair list is not allocated."""
+    """Contact (kernels.contact.arrays ContactData) of these garments, asleep; least and greatest ``skins`` [m].
+
+    All but the pair list, which grows: ``PairSearch.allocate_pairs`` makes it.
+    """
     count, thickness = sheets.vertex_count, thicknesses(kinds)
     area = np.array([garment.rest.area / len(garment.points) for garment in garments])
     data = ContactData()
@@ -64,12 +71,13 @@ def contact_arrays(
     data.model.thickness = wp.array(fabric[:, FabricField.THICKNESS], dtype=wp.float32)
     data.model.fabric = wp.array(fabric, dtype=wp.vec4f)
     data.model.thickest = float(thickness.max())
-    data.pairs.active_margin = data.pairs.active_distance = np.inf  # asleep
+    data.model.least_skin, data.model.most_skin = skins
+    data.model.active_margin = data.model.active_distance = np.inf  # asleep
+    data.model.lift = wp.zeros(count, dtype=wp.float32)
     data.pairs.count = wp.zeros(1, dtype=wp.int32)
     data.blocks.done = wp.zeros(2, dtype=wp.int32)
     data.sums.load = wp.zeros((count, 4), dtype=wp.int64)
     data.sums.step_limit = wp.full(count, int(NO_LIMIT), dtype=wp.int32)
-    data.lift = wp.zeros(count, dtype=wp.float32)
     data.shift = wp.zeros(count, dtype=wp.vec3f)
     data.trigger.position = wp.zeros(count, dtype=wp.vec3d)
     data.trigger.skin = wp.full(count, np.inf, dtype=wp.float32)  # asleep

@@ -98,8 +98,8 @@ class ClothContact:
         self._measured_forces = force_kernel(model.precision, Accumulate.MAGNITUDE, in_order)
         self._add_load = add_load_kernel(model.precision)
         with wp.ScopedDevice(model.device):
-            self.data = contact_arrays(self.sheets, garments, kinds, self._permutation)
-            self.data.model.least_skin, self.data.model.most_skin = self.least_skin, LARGEST_SKIN * skin
+            skins = self.least_skin, LARGEST_SKIN * skin
+            self.data = contact_arrays(self.sheets, garments, kinds, self._permutation, skins)
             self._set_trigger()
             self.pair_search = PairSearch(model, self.sheets, garments, kinds, self._permutation)
             self.pair_search.allocate_pairs(self.data, PAIRS_PER_VERTEX * self.sheets.vertex_count)
@@ -138,16 +138,16 @@ class ClothContact:
             self.search(state)
 
     def _set_active_margin(self, fraction: float) -> None:
-        pairs = self.data.pairs
-        pairs.active_margin = fraction * self._skin
-        pairs.active_distance = pairs.active_margin + float(self._thickness.min())
+        model = self.data.model
+        model.active_margin = fraction * self._skin
+        model.active_distance = model.active_margin + float(self._thickness.min())
         self._set_trigger()
 
     def _set_trigger(self) -> None:
-        trigger = self.data.trigger
-        trigger.check_interval = CHECK_INTERVAL_SETTLED if self.settled else CHECK_INTERVAL
-        trigger.longest_wait = LONGEST_WAIT_SETTLED if self.settled else LONGEST_WAIT
-        trigger.request_limit = int(REQUEST_LIMIT * trigger.check_interval * self.sheets.vertex_count)
+        model = self.data.model
+        model.check_interval = CHECK_INTERVAL_SETTLED if self.settled else CHECK_INTERVAL
+        model.longest_wait = LONGEST_WAIT_SETTLED if self.settled else LONGEST_WAIT
+        model.request_limit = int(REQUEST_LIMIT * model.check_interval * self.sheets.vertex_count)
 
     def settle(self, *, balanced: bool) -> bool:
         """Keeps fewer pairs active once forces have ``balanced``; whether that changes anything."""
@@ -170,7 +170,7 @@ class ClothContact:
     def lift(self, height: float) -> None:
         """Keeps each layer this much farther from the avatar [m] than the one inside it."""
         layers = self.untangling.layer.numpy()
-        self.data.lift.assign((layers * height).astype(np.float32))
+        self.data.model.lift.assign((layers * height).astype(np.float32))
 
     def grow(self) -> bool:
         """Enlarges the pair list if the last search found more than it holds; whether it did. Waits for the device."""
