@@ -47,23 +47,9 @@ class Patch:
     tile_count: int  # pairs of triangles and single ones, one for each thread (patches.tiles); where it bends
 
 
-@functools.cache
-def cloth_types(precision: str) -> SimpleNamespace:
-    """Types and structs of one precision: ``real``, ``point`` (of positions), ``vec3``, ``Model``, ``State`` and more.
-
-    ``wide`` is the type of a position's coordinate.
-    ``vec6`` is xx, yy, zz, xy, xz, yz of a symmetric matrix.
-
-    "mixed" keeps positions in float64, takes their differences there and computes everything else in float32: near
-    1 m float32 positions are 6e-8 m apart, which on fine stiff cloth is more force noise than a vertex weighs.
-    """
-    real = wp.float64 if precision == "float64" else wp.float32
-    point = wp.vec3f if precision == "float32" else wp.vec3d
-    wide = wp.float32 if precision == "float32" else wp.float64
-    vec2 = wp.vec2d if precision == "float64" else wp.vec2f
-    vec3 = wp.vec3d if precision == "float64" else wp.vec3f
-    vec4 = wp.vec4d if precision == "float64" else wp.vec4f
-    vec6 = wp.types.vector(length=6, dtype=real)
+def _parameters(types: SimpleNamespace) -> dict[str, type]:
+    """What an iteration goes by: ``Step``, ``Item``."""
+    real, vec3 = types.real, types.vec3
 
     @wp.struct
     class Step:
@@ -89,6 +75,13 @@ def cloth_types(precision: str) -> SimpleNamespace:
         avatar_friction: float  # Coulomb coefficient of avatar.friction
         anisotropy_limit: real  # how many times the bound's step a step may be at most where cloth is soft; 0: once
         active: int  # 0: at rest, or stopped; its vertices stay and cost nothing
+
+    return {"Step": Step, "Item": Item}
+
+
+def _vertices(types: SimpleNamespace) -> dict[str, type]:
+    """``Model``, ``State`` and ``Vertex``."""
+    real, point, vec3, vec4, vec6, Item = types.real, types.point, types.vec3, types.vec4, types.vec6, types.Item
 
     @wp.struct
     class Model:
@@ -124,6 +117,13 @@ def cloth_types(precision: str) -> SimpleNamespace:
         weight: real
         stiffness: real
 
+    return {"Model": Model, "State": State, "Vertex": Vertex}
+
+
+def _elements(types: SimpleNamespace) -> dict[str, type]:
+    """What forces act in: ``Edges``, ``Triangles``, and ``Rows`` of these at each vertex."""
+    real, vec2, vec3, vec4 = types.real, types.vec2, types.vec3, types.vec4
+
     @wp.struct
     class Edges:
         """E edges; hinges only where cloth bends, ``rest`` only where it is not flat at rest."""
@@ -131,9 +131,8 @@ def cloth_types(precision: str) -> SimpleNamespace:
         ends: wp.array(dtype=wp.vec2i)
         spring: wp.array(dtype=vec3)  # of options.SpringField
         adjacent_triangles: wp.array(dtype=wp.vec2i)  # both; the edge runs as the first is wound
-        hinge_stiffness: wp.array(
-            dtype=real
-        )  # C of its hinge [N m], negative where the second triangle is wound likewise
+        # C of its hinge [N m], negative where the second triangle is wound likewise
+        hinge_stiffness: wp.array(dtype=real)
         rest: wp.array(dtype=vec2)  # cosine and sine of its hinge's rest angle
 
     @wp.struct
@@ -154,6 +153,13 @@ def cloth_types(precision: str) -> SimpleNamespace:
         triangle_start: wp.array(dtype=wp.int32)
         triangle: wp.array(dtype=wp.int32)  # three times the triangle, and which of its corners the vertex is
 
+    return {"Edges": Edges, "Triangles": Triangles, "Rows": Rows}
+
+
+def _measured(types: SimpleNamespace) -> dict[str, type]:
+    """What the certificate measures: ``Hinges``, ``Weave``."""
+    real, vec2, vec4 = types.real, types.vec2, types.vec4
+
     @wp.struct
     class Hinges:
         """H hinges, as the certificate measures them."""
@@ -169,6 +175,13 @@ def cloth_types(precision: str) -> SimpleNamespace:
         corners: wp.array(dtype=wp.vec3i)
         slope: wp.array(dtype=vec4)  # of the second and third corner along weft, then along warp [1/m]
         yarns: wp.array(dtype=vec4)  # of options.YarnField
+
+    return {"Hinges": Hinges, "Weave": Weave}
+
+
+def _geometry(types: SimpleNamespace) -> dict[str, type]:
+    """Elements in the present positions: ``Span``, ``Sides``."""
+    real, point, vec3 = types.real, types.point, types.vec3
 
     @wp.struct
     class Span:
@@ -193,6 +206,13 @@ def cloth_types(precision: str) -> SimpleNamespace:
         exact_1: point  # as in Span
         exact_2: point
 
+    return {"Span": Span, "Sides": Sides}
+
+
+def _patches(types: SimpleNamespace) -> dict[str, type]:
+    """``Patches``."""
+    real, vec2, vec4 = types.real, types.vec2, types.vec4
+
     @wp.struct
     class Patches:
         """The cloth cut into patches, a block each. Indices are local to a patch: its own vertices, edges, triangles.
@@ -216,12 +236,35 @@ def cloth_types(precision: str) -> SimpleNamespace:
         slot: wp.array(dtype=wp.vec4i)  # the triangle; after all normals come second corners, then third ones
         ahead: int  # how many patches a GPU computes at a time
 
-    return SimpleNamespace(
-        name=precision, real=real, wide=wide, point=point, vec2=vec2, vec3=vec3, vec4=vec4, vec6=vec6,
-        Step=Step, Item=Item, Model=Model, State=State, Vertex=Vertex, Edges=Edges, Triangles=Triangles, Rows=Rows,
-        Hinges=Hinges, Weave=Weave, Span=Span, Sides=Sides, Patches=Patches,
-        real_size=real_size(precision), point_size=point_size(precision),
-    )  # fmt: skip
+    return {"Patches": Patches}
+
+
+@functools.cache
+def cloth_types(precision: str) -> SimpleNamespace:
+    """Types and structs of one precision: ``real``, ``point`` (of positions), ``vec3``, ``Model``, ``State`` and more.
+
+    ``wide`` is the type of a position's coordinate.
+    ``vec6`` is xx, yy, zz, xy, xz, yz of a symmetric matrix.
+
+    "mixed" keeps positions in float64, takes their differences there and computes everything else in float32: near
+    1 m float32 positions are 6e-8 m apart, which on fine stiff cloth is more force noise than a vertex weighs.
+    """
+    real = wp.float64 if precision == "float64" else wp.float32
+    types = SimpleNamespace(
+        name=precision,
+        real=real,
+        wide=wp.float32 if precision == "float32" else wp.float64,
+        point=wp.vec3f if precision == "float32" else wp.vec3d,
+        vec2=wp.vec2d if precision == "float64" else wp.vec2f,
+        vec3=wp.vec3d if precision == "float64" else wp.vec3f,
+        vec4=wp.vec4d if precision == "float64" else wp.vec4f,
+        vec6=wp.types.vector(length=6, dtype=real),
+        real_size=real_size(precision),
+        point_size=point_size(precision),
+    )
+    for structs in (_parameters, _vertices, _elements, _measured, _geometry, _patches):
+        vars(types).update(structs(types))
+    return types
 
 
 @wp.func
