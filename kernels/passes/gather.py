@@ -191,25 +191,19 @@ def work_type(precision: str) -> type:
 
 
 @functools.cache
-def patch_functions(options: KernelOptions) -> SimpleNamespace:
-    """Functions ``own_vertex``, ``two_vertices``, ``work_edges``, ``work_corners``, ``vertex_slots``, ``vertex_load``.
-
-    The last sums a vertex' load once the whole block is through the two before.
-    """
+def work_edges_function(options: KernelOptions) -> wp.Function:
+    """The function ``work_edges``: the first half of a block's work on a patch."""
     precision, terms, fits, paired = options.precision, options.terms, options.fits, options.paired
     State = cloth_types(precision).State
     PatchWork, Tile, Context = work_type(precision), tile_type(precision), context_type(precision)
     vec4, fetch_tables = cloth_types(precision).vec4, fetch_function(options)
-    vertices = vertices_step(options)
-    two_vertices, read_vertices = vertices.two_vertices, vertices.read_vertices
+    read_vertices = vertices_step(options).read_vertices
     load_tile, work_tile_normals = tile_functions(precision, fits).load_tile, tile_normals_step(options)
     pairs = tile_edges_step(options)
     load_constants, work_tile_edges = pairs.load_constants, pairs.work_tile_edges
     work_normals, work_other_edges = normals_step(options), edges_step(options)
-    edge_table = edge_table_functions(options).edge_table
-    work_tile_corners, work_triangles = tile_corners_step(options), triangles_step(options)
-    triangle_table, own = triangle_table_function(precision, terms), load_functions(options)
-    vertex_slots, fetch_next = own.vertex_slots, next_functions(precision).fetch_next
+    edge_table, triangle_table = edge_table_functions(options).edge_table, triangle_table_function(precision, terms)
+    vertex_slots, fetch_next = load_functions(options).vertex_slots, next_functions(precision).fetch_next
 
     @wp.func
     def first_triangle(patch: Patch, lane: int):
@@ -268,19 +262,33 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
         work.triangles = triangles
         return work
 
+    return work_edges
+
+
+@functools.cache
+def patch_functions(options: KernelOptions) -> SimpleNamespace:
+    """Functions ``own_vertex``, ``two_vertices``, ``work_edges``, ``work_corners``, ``vertex_slots``, ``vertex_load``.
+
+    The last sums a vertex' load once the whole block is through the two before.
+    """
+    terms, PatchWork, Context = options.terms, work_type(options.precision), context_type(options.precision)
+    work_tile_corners, work_triangles = tile_corners_step(options), triangles_step(options)
+    vertices, own = vertices_step(options), load_functions(options)
+
     @wp.func
     def work_corners(context: Context, work: PatchWork):
         """What the patch's triangles do to their corners, after ``work_edges``; every thread of the block calls it."""
         if wp.static(terms.folds or terms.yarns):
             wait_for_block()
-            if wp.static(paired):
+            if wp.static(options.paired):
                 work_tile_corners(context, work.tile)
             else:
                 work_triangles(context, work.sides, work.corners)
 
     return SimpleNamespace(
-        own_vertex=vertices.own_vertex, two_vertices=two_vertices, work_edges=work_edges, work_corners=work_corners,
-        vertex_slots=vertex_slots, vertex_load=own.vertex_load,
+        own_vertex=vertices.own_vertex, two_vertices=vertices.two_vertices,
+        work_edges=work_edges_function(options), work_corners=work_corners,
+        vertex_slots=own.vertex_slots, vertex_load=own.vertex_load,
     )  # fmt: skip
 
 

@@ -253,7 +253,7 @@ def _advance_kernel(options: KernelOptions) -> wp.Kernel:
     read_vertex, free = block_read_function(options), free_function(options.precision, options.terms.pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=_launch_bounds(options))
-    def advance_vertices(
+    def advance_vertices(  # nine arguments: the last two are the arrays that iterations write by turns
         model: Model,
         state: State,
         step: Step,
@@ -333,7 +333,7 @@ def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
     read_vertex, free = read_function(options), free_function(options.precision, options.terms.pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=_launch_bounds(options))
-    def advance_large(
+    def advance_large(  # nine arguments, as advance_vertices
         model: Model,
         state: State,
         step: Step,

@@ -120,17 +120,13 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
 
 
 @functools.cache
-def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
-    """Kernel ``displace_vertices`` of the accelerated step, of cloth that passes through itself."""
-    precision, avatar_contact, collider_type = options.precision, options.avatar_contact, options.collider
+def own_moves_function(options: KernelOptions) -> wp.Function:
+    """The function ``own_moves``: the step of eight vertices where they meet nothing."""
+    precision, steady = options.precision, swings_evenly(options)
     types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, PACKET_WIDTH)
-    real, vec3, vec4, vec6, Model, State = types.real, types.vec3, types.vec4, types.vec6, types.Model, types.State
-    Step, Item = types.Step, types.Item
-    worn, spares, Vertex = options.anisotropic, saves_queries(options), types.Vertex
-    force_descent = descent_function(precision, swings_evenly(options), lanes=PACKET_WIDTH)
-    with_momentum = momentum_function(precision, swings_evenly(options))
-    Colliders = colliders_type(avatar_contact, collider_type)
-    query_avatar = None if avatar_contact is None else query_function(options, spares, prefetched=False)
+    real, Model, State, Step, Item = types.real, types.Model, types.State, types.Step, types.Item
+    force_descent = descent_function(precision, steady, lanes=PACKET_WIDTH)
+    with_momentum = momentum_function(precision, steady)
 
     @wp.func
     def own_moves(model: Model, state: State, step: Step, load: packets.vec4, first: int, item: Item):
@@ -138,13 +134,24 @@ def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
         force, descent, stiffness, momentum_ratio = force_descent(
             step, load, load_packet(model.weight, first), load_packet(state.stiffness, first), item
         )
-        if wp.static(worn):
+        if wp.static(options.anisotropic):
             if item.anisotropy_limit > real(0.0):
                 loose = loose_lanes(momentum_ratio, state.in_contact, first)
                 further = symmetric_times(load_packet(state.compliance, first), descent)
                 descent = where_greater(loose, packets.real(real(0.0)), further, descent)
         last = load_packet(state.displacement, first)
         return with_momentum(step, item, force, descent, last, momentum_ratio), stiffness
+
+    return own_moves
+
+
+@functools.cache
+def met_moves_function(options: KernelOptions) -> wp.Function:
+    """The function ``met_moves``: what the avatar leaves of eight vertices' displacements."""
+    types, packets = cloth_types(options.precision), lane_types(cloth_types(options.precision).real, PACKET_WIDTH)
+    vec3, vec6, State, Item, Vertex = types.vec3, types.vec6, types.State, types.Item, types.Vertex
+    spares, collider_type = saves_queries(options), options.collider
+    query_avatar = query_function(options, spares, prefetched=False)
 
     @wp.func
     def met_moves(state: State, collider: collider_type, first: int, lanes: int, moves: packets.vec3, item: Item):
@@ -155,7 +162,7 @@ def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
         if wp.static(spares):
             far = far_lanes(state.clearance, first, lanes, root(inner(moves, moves)), LONGER, STEP)
             near = lanes & ~far
-            if wp.static(worn):
+            if wp.static(options.anisotropic):
                 put_none(state.in_contact, first, far)
         while near != 0:
             lane = first_lane(near)
@@ -171,6 +178,18 @@ def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
                 momentum[WIDTH * axis + lane] = inertial[axis]
             near &= near - 1
         return met, momentum
+
+    return met_moves
+
+
+@functools.cache
+def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
+    """Kernel ``displace_vertices`` of the accelerated step, of cloth that passes through itself."""
+    types, avatar_contact = cloth_types(options.precision), options.avatar_contact
+    vec4, Model, State, Step = types.vec4, types.Model, types.State, types.Step
+    Colliders, spares = colliders_type(avatar_contact, options.collider), saves_queries(options)
+    own_moves = own_moves_function(options)
+    met_moves = None if avatar_contact is None else met_moves_function(options)
 
     @wp.func
     def fetch_ahead(model: Model, state: State, colliders: Colliders, first: int):

@@ -51,14 +51,21 @@ def horizon(normal: wp.vec3f, offset: wp.vec3f, radius: float) -> float:
     return wp.max(wp.dot(normal, offset) / distance - OCCLUSION_BIAS, 0.0) * fade
 
 
+@wp.struct
+class Surface:
+    """What a picture shows, all meshes one after another; V vertices, F triangles."""
+
+    points: wp.array(dtype=wp.vec3f)  # [m], shape [V]
+    normals: wp.array(dtype=wp.vec3f)  # unit, shape [V]
+    colours: wp.array(dtype=wp.vec3f)  # reflectance in linear light, 0..1, shape [V]
+    triangles: wp.array2d(dtype=wp.int32)  # shape [F, 3]
+    owners: wp.array(dtype=wp.int32)  # whose triangle it is, an index of appearances, shape [F]
+    appearances: wp.array(dtype=Appearance)
+
+
 @wp.kernel
 def sample_surface(
-    points: wp.array(dtype=wp.vec3f),  # [m], shape [V]
-    normals: wp.array(dtype=wp.vec3f),  # unit, shape [V]
-    triangles: wp.array2d(dtype=wp.int32),  # shape [F, 3]
-    owners: wp.array(dtype=wp.int32),  # whose triangle it is, an index of appearances, shape [F]
-    appearances: wp.array(dtype=Appearance),
-    colours: wp.array(dtype=wp.vec3f),  # reflectance in linear light, 0..1, shape [V]
+    surface: Surface,
     view: View,
     ids: wp.array2d(dtype=wp.int32),  # from draw_triangle_ids, shape [rows, columns]
     normal_out: wp.array2d(dtype=wp.vec3f),  # turned to the viewer, shape [rows, columns]
@@ -67,21 +74,21 @@ def sample_surface(
     """Samples the surface under every pixel: normal and colour interpolated over the triangle, the inside darker."""
     row, column = wp.tid()
     triangle = ids[row, column]
-    if triangle >= triangles.shape[0]:
+    if triangle >= surface.triangles.shape[0]:
         return
-    i = triangles[triangle, 0]
-    j = triangles[triangle, 1]
-    k = triangles[triangle, 2]
-    a = pixel_position(view, points[i])
-    b = pixel_position(view, points[j])
-    c = pixel_position(view, points[k])
+    i = surface.triangles[triangle, 0]
+    j = surface.triangles[triangle, 1]
+    k = surface.triangles[triangle, 2]
+    a = pixel_position(view, surface.points[i])
+    b = pixel_position(view, surface.points[j])
+    c = pixel_position(view, surface.points[k])
     w = barycentric(a, b, c, float(column), float(row))
-    normal = w[0] * normals[i] + w[1] * normals[j] + w[2] * normals[k]
+    normal = w[0] * surface.normals[i] + w[1] * surface.normals[j] + w[2] * surface.normals[k]
     # the flat triangle decides which side is seen; the smooth normal may waver at a silhouette
     facing = wp.sign((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
-    appearance = appearances[owners[triangle]]
+    appearance = surface.appearances[surface.owners[triangle]]
     normal_out[row, column] = turned_to_viewer(facing * normal, view.toward)
-    colour = w[0] * colours[i] + w[1] * colours[j] + w[2] * colours[k]
+    colour = w[0] * surface.colours[i] + w[1] * surface.colours[j] + w[2] * surface.colours[k]
     reflectance_out[row, column] = colour * wp.where(facing * appearance.outside < 0.0, appearance.inside, 1.0)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.mesh import Mesh, vertex_normals
 from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear, winds_outward
 from warp_cloth.kernels.avatar.raster import View, draw_depth, draw_triangle_ids
-from warp_cloth.kernels.picture.shading import Appearance, cast_shadows, light_pixels, sample_surface
+from warp_cloth.kernels.picture.shading import Appearance, Surface, cast_shadows, light_pixels, sample_surface
 from warp_cloth.model.result import WornGarment
 
 Vector = NDArray[np.float64]
@@ -165,8 +165,10 @@ def shade_view(subject: Subject, rendered: RenderedView, background: Vector) -> 
 def surface(subject: Subject, view: View, ids: wp.array) -> tuple[wp.array, wp.array]:
     """Normal and reflectance of the triangles at a view's pixels; zero where there is none."""
     outputs = [wp.zeros(ids.shape, dtype=wp.vec3f, device=subject.device) for _ in range(2)]
-    inputs = [subject.points, subject.normals, subject.triangles, subject.owners, subject.appearances, subject.colours]
-    wp.launch(sample_surface, ids.shape, inputs=[*inputs, view, ids], outputs=outputs, device=subject.device)
+    shown = Surface()
+    for name in ("points", "normals", "colours", "triangles", "owners", "appearances"):
+        setattr(shown, name, getattr(subject, name))
+    wp.launch(sample_surface, ids.shape, inputs=[shown, view, ids], outputs=outputs, device=subject.device)
     normal, reflectance = outputs
     return normal, reflectance
 
