@@ -59,6 +59,15 @@ class Query:
 
 
 @wp.func
+def query_of(kind: int, group: int):
+    """The query of a group."""
+    query = Query()
+    query.kind = kind
+    query.group = group
+    return query
+
+
+@wp.func
 def clear_candidates(candidates: Candidates, thread: int):
     """Empties the lists, by the first thread."""
     if thread == 0:
@@ -242,10 +251,7 @@ def groups_kernel(precision: str, find_leaves: wp.Function, Search: Any, Extra: 
         count = wp.min(candidates.count[GROUP_COUNT], candidates.group.shape[0])
         while row < count:
             pair = candidates.group[row]
-            query = Query()
-            query.kind = pair[0]
-            query.group = pair[1]
-            find_leaves(state, search, contact, extra, candidates, query, pair[2])
+            find_leaves(state, search, contact, extra, candidates, query_of(pair[0], pair[1]), pair[2])
             row += threads // warp_size()
 
     return process_groups

@@ -24,6 +24,7 @@ from warp_cloth.kernels.contact.broad_phase import (
     groups_kernel,
     leaves_kernel,
     list_leaves_function,
+    query_of,
     walk_groups_function,
 )
 from warp_cloth.kernels.contact.closest_points import nearest_on_triangle
@@ -38,38 +39,29 @@ BY_TRIANGLE = wp.constant(wp.int32(2))
 
 
 @wp.func
-def tangled_edges(search: ContactSearch, group: int):
-    """Whether any edge of a group has a tangled end; for a team."""
+def tangled_leaf(search: ContactSearch, kind: int, leaf: int):
+    """Positive where an edge's end, a triangle's corner or a vertex is tangled, by the kind of query that it makes."""
     found = int(0)
-    local = team_lane()
-    while local < WIDTH:
-        ends = search.ends[WIDTH * group + local]
-        found = wp.max(found, wp.max(search.tangled[ends[0]], search.tangled[ends[1]]))
-        local += warp_size()
-    return team_max(found) > 0
-
-
-@wp.func
-def tangled_triangles(search: ContactSearch, group: int):
-    """Whether any triangle of a group has a tangled corner; for a team."""
-    found = int(0)
-    local = team_lane()
-    while local < WIDTH:
-        t = search.corners[WIDTH * group + local]
-        found = wp.max(found, wp.max(search.tangled[t[0]], wp.max(search.tangled[t[1]], search.tangled[t[2]])))
-        local += warp_size()
-    return team_max(found) > 0
-
-
-@wp.func
-def tangled_vertices(search: ContactSearch, group: int):
-    """Whether any vertex of a group is tangled; for a team."""
-    found = int(0)
-    local = team_lane()
-    while local < WIDTH:
-        vertex = search.vertex[WIDTH * group + local]
+    if kind == ON_EDGE:
+        ends = search.ends[leaf]
+        found = wp.max(search.tangled[ends[0]], search.tangled[ends[1]])
+    elif kind == BY_TRIANGLE:
+        t = search.corners[leaf]
+        found = wp.max(search.tangled[t[0]], wp.max(search.tangled[t[1]], search.tangled[t[2]]))
+    else:
+        vertex = search.vertex[leaf]
         if vertex >= 0:
-            found = wp.max(found, search.tangled[vertex])
+            found = search.tangled[vertex]
+    return found
+
+
+@wp.func
+def is_tangled(search: ContactSearch, query: Query):
+    """Whether anything of a querying group is tangled; for a team."""
+    found = int(0)
+    local = team_lane()
+    while local < WIDTH:
+        found = wp.max(found, tangled_leaf(search, query.kind, WIDTH * query.group + local))
         local += warp_size()
     return team_max(found) > 0
 
@@ -114,7 +106,7 @@ def find_crossing(
     triangles = wp.where(query.kind == BY_TRIANGLE, query.group, group)
     others = wp.where(query.kind == BY_TRIANGLE, group, query.group)
     if query.kind == BY_TRIANGLE:
-        if tangled_edges(search, others):
+        if is_tangled(search, query_of(ON_EDGE, others)):
             return
     margin = float(untangling.layer_depth) + SLACK
     wide = wp.vec3f(margin, margin, margin)
@@ -155,15 +147,13 @@ def query_edges(
     all: bool,
 ):
     """Lists the groups of triangles that a group of edges may pass through, if any is tangled, or ``all``."""
+    query = query_of(ON_EDGE, group)
     edge = search.edge_tree.leaf[WIDTH * group]
-    if edge >= 0 and (all or tangled_edges(search, group)):
+    if edge >= 0 and (all or is_tangled(search, query)):
         less = least_box_margin(contact)
         leaves = search.leaves[search.item[search.edges[edge][0]]]
         low, high = load_box(search.edge_tree, 1, group)
         walk = start_walk(search.triangle_tree, low + less, high - less, leaves[0], leaves[1])
-        query = Query()
-        query.kind = ON_EDGE
-        query.group = group
         walk_groups(state, search, contact, untangling, candidates, search.triangle_tree, walk, query)
 
 
@@ -178,15 +168,13 @@ def query_triangles(
     all: bool,
 ):
     """Lists the groups of edges that may pass through a group with tangled triangles, unless ``all`` search."""
+    query = query_of(BY_TRIANGLE, group)
     triangle = search.triangle_tree.leaf[WIDTH * group]
-    if triangle >= 0 and not all and tangled_triangles(search, group):
+    if triangle >= 0 and not all and is_tangled(search, query):
         less = least_box_margin(contact)
         leaves = search.leaves[search.item[search.triangles[triangle][0]]]
         low, high = load_box(search.triangle_tree, 1, group)
         walk = start_walk(search.edge_tree, low + less, high - less, leaves[2], leaves[3])
-        query = Query()
-        query.kind = BY_TRIANGLE
-        query.group = group
         walk_groups(state, search, contact, untangling, candidates, search.edge_tree, walk, query)
 
 
@@ -201,15 +189,13 @@ def query_vertices(
     all: bool,
 ):
     """Lists the groups of other layers' triangles near a group of vertices, if any is tangled, or ``all``."""
+    query = query_of(ON_TRIANGLE, group)
     vertex = search.vertex[WIDTH * group]
-    if vertex >= 0 and (all or tangled_vertices(search, group)):
+    if vertex >= 0 and (all or is_tangled(search, query)):
         margin = float(untangling.layer_depth) + SLACK
         wide = wp.vec3f(margin, margin, margin)
         item, own = search.leaves[search.item[vertex]], untangling.own_leaves[vertex]
         low, high = vertex_group_box(state, search, contact, group)
-        query = Query()
-        query.kind = ON_TRIANGLE
-        query.group = group
         for side in range(2):  # before and after its own layer in the tree
             begin = wp.where(side == 0, item[0], own[1])
             end = wp.where(side == 0, own[0], item[1])

@@ -35,6 +35,7 @@ from warp_cloth.kernels.contact.broad_phase import (
     groups_kernel,
     leaves_kernel,
     list_leaves_function,
+    query_of,
     walk_groups_function,
 )
 from warp_cloth.kernels.contact.search import ContactSearch, box_margin, vertex_group_box
@@ -210,15 +211,13 @@ def near_groups_kernel(precision: str) -> wp.Kernel:
         """Lists the groups of leaves that may be near each group of edges, and of vertices: a team for each."""
         group = wp.tid() // warp_size()
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
-        query = Query()
         if group < edge_groups:
             edge = search.edge_tree.leaf[WIDTH * group]
             if edge >= 0:
                 last = search.leaves[search.item[search.edges[edge][0]]][3]
                 low, high = load_box(search.edge_tree, 1, group)
                 walk = start_walk(search.edge_tree, low, high, WIDTH * group, last)
-                query.kind = ON_EDGE
-                query.group = group
+                query = query_of(ON_EDGE, group)
                 walk_groups(state, search, contact, memory, candidates, search.edge_tree, walk, query)
         else:
             group -= edge_groups
@@ -227,8 +226,7 @@ def near_groups_kernel(precision: str) -> wp.Kernel:
                 leaves = search.leaves[search.item[vertex]]
                 low, high = vertex_group_box(state, search, contact, group)
                 walk = start_walk(search.triangle_tree, low, high, leaves[0], leaves[1])
-                query.kind = ON_TRIANGLE
-                query.group = group
+                query = query_of(ON_TRIANGLE, group)
                 walk_groups(state, search, contact, memory, candidates, search.triangle_tree, walk, query)
 
     return find_near_groups
