@@ -12,7 +12,7 @@ from meshfiles import write_obj
 import warp_cloth
 from warp_cloth.fitting.problem import Problem, collider_updates, limit_of, load_problem, tolerance_of
 from warp_cloth.model.result import Status
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import Goal, relax_to_rest
 
 WITHIN = 2.0  # [degrees] of the angle of friction, on either side
 HELD = 1e-3  # [m] that cloth which holds may move: it stretches under its own weight
@@ -76,7 +76,7 @@ def worn_t_shirt(*overrides: str) -> tuple[Problem, np.ndarray]:
     scene = warp_cloth.load_scene("tshirt", [*own, *overrides])
     made = load_problem(scene, "cpu")
     outcome = relax_to_rest(
-        made.relaxation, made.certifier, tolerance_of(scene), limit_of(scene), follow=collider_updates(made)
+        made.relaxation, made.certifier, Goal(tolerance_of(scene), limit_of(scene)), follow=collider_updates(made)
     )
     assert outcome.status is Status.AT_REST
     return made, outcome.points

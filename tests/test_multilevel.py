@@ -27,7 +27,7 @@ from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.implicit.coarse_garments import build_hierarchy
 from warp_cloth.solver.implicit.multilevel import CHECK_EVERY, PACE_BOUNDS, MultilevelRelaxation
 from warp_cloth.solver.implicit.options import ImplicitOptions, Pace
-from warp_cloth.solver.loop import Outcome, relax_to_rest
+from warp_cloth.solver.loop import Goal, Outcome, relax_to_rest
 from warp_cloth.solver.reduction import launch_blocks, split_into_chunks
 from warp_cloth.solver.relax import TIGHTER
 from warp_cloth.solver.step_options import StepOptions
@@ -63,7 +63,7 @@ def rest_of(garment: Garment) -> Outcome:
     relaxation = relaxation_of([garment])
     certifier = Certifier(relaxation)
     wp.force_load("cpu", modules=[kernel.module for kernel in certifier.kernels()])
-    return relax_to_rest(relaxation, certifier, Tolerance(), LIMIT)
+    return relax_to_rest(relaxation, certifier, Goal(Tolerance(), LIMIT))
 
 
 def shape_after(garments: list[Garment], iterations: int = 60, gathers: bool | None = None) -> np.ndarray:
@@ -118,7 +118,7 @@ def test_overstretched_seams_are_closed_before_steps_are_implicit() -> None:
 def test_any_number_of_iterations_can_be_asked_for(iterations: int) -> None:
     relaxation = relaxation_of([hanging(9)])
     certifier = Certifier(relaxation)
-    outcome = relax_to_rest(relaxation, certifier, Tolerance(), iterations)
+    outcome = relax_to_rest(relaxation, certifier, Goal(Tolerance(), iterations))
     assert outcome.status is Status.ITERATION_LIMIT
     assert np.isfinite(outcome.points).all()
 
@@ -169,7 +169,7 @@ def test_what_is_balanced_above_the_avatar_is_not_held_by_it(push: float, gap: f
 def test_cloth_at_rest_on_a_ball_stays_there() -> None:
     overrides = ["garment.shape.vertices_per_side=17", "solver.method=multilevel", "garment.fabric={stretch = 20000}"]
     made = load_problem(load_scene("sphere", overrides), "cpu")
-    outcome = relax_to_rest(made.relaxation, made.certifier, Tolerance(), LIMIT, follow=collider_updates(made))
+    outcome = relax_to_rest(made.relaxation, made.certifier, Goal(Tolerance(), LIMIT), follow=collider_updates(made))
     assert outcome.status is Status.AT_REST
     for _ in range(outcome.iterations // 100):
         made.relaxation.run(100)
@@ -185,7 +185,11 @@ def test_on_a_ball_scattered_and_gathered_forces_give_the_same_bits(monkeypatch:
         made = load_problem(load_scene("sphere", changes), "cpu")
         start_coarse(made)
         outcome = relax_to_rest(
-            made.relaxation, made.certifier, Tolerance(0.0, 0.0, 0.0), 900, follow=collider_updates(made), ahead=gathers
+            made.relaxation,
+            made.certifier,
+            Goal(Tolerance(0.0, 0.0, 0.0), 900),
+            follow=collider_updates(made),
+            ahead=gathers,
         )
         assert isinstance(made.relaxation, MultilevelRelaxation)
         assert not made.relaxation.stays_packed  # steps are implicit by now

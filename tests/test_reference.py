@@ -21,7 +21,7 @@ from warp_cloth.model.model import build_model
 from warp_cloth.model.result import Status
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.implicit.multilevel import build_relaxation
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import Goal, relax_to_rest
 from warp_cloth.solver.step_options import Method, StepOptions
 
 APART = 1e-4  # [m, rms], what issue 3 asks of a garment that touches nothing
@@ -69,7 +69,7 @@ def test_rest_is_where_the_energy_is_least(
     relaxation = build_relaxation(StepOptions(method=method), model, [Collider()], [loaded])
     certifier = Certifier(relaxation)
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + certifier.kernels()])
-    outcome = relax_to_rest(relaxation, certifier, CLOSE, LIMIT)
+    outcome = relax_to_rest(relaxation, certifier, Goal(CLOSE, LIMIT))
     assert outcome.status is Status.AT_REST
 
     way = np.linalg.norm(outcome.points - least, axis=1)

@@ -48,7 +48,7 @@ from warp_cloth.fitting.problem import (
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import Goal, relax_to_rest
 
 WITHIN_MM = {"hanging": 0.1, "strip": 0.1, "ball": 0.5}  # rms
 WEIGHTS = 0.01  # rms, of contact-free scenes
@@ -130,8 +130,7 @@ def fitted(case: Case, problem: Problem, row: dict[str, Any]) -> Watch:
         relax_to_rest(
             problem.relaxation,
             problem.certifier,
-            NEVER,
-            LIMIT,
+            Goal(NEVER, LIMIT),
             follow=collider_updates(problem),
             on_check=watch.see,
             ahead=False,
@@ -186,7 +185,7 @@ def run_on(case: Case, wanted: FitOptions, other: Problem, problem: Problem) -> 
             )
 
     outcome = relax_to_rest(
-        other.relaxation, other.certifier, BEYOND, most, follow=collider_updates(other), on_check=show
+        other.relaxation, other.certifier, Goal(BEYOND, most), follow=collider_updates(other), on_check=show
     )
     words = f"float64 {method}, {outcome.iterations} iterations, {1e3 * outcome.check.rest_error:.3g} mm left"
     return outcome.points, outcome.check.residual.rms, words

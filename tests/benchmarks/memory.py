@@ -18,7 +18,7 @@ from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.problem import collider_updates, load_problem, tolerance_of
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import Goal, relax_to_rest
 from warp_cloth.study.footprint import memory_of
 
 
@@ -59,8 +59,7 @@ def main() -> None:
     outcome = relax_to_rest(
         problem.relaxation,
         problem.certifier,
-        tolerance_of(scene),
-        options.iterations,
+        Goal(tolerance_of(scene), options.iterations),
         follow=collider_updates(problem),
         schedule=problem.schedule,
     )

@@ -32,7 +32,7 @@ from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, tolerance_of
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import Goal, relax_to_rest
 
 FOLDED: dict[str, tuple[Callable[[], Folded], Tree, Tree]] = {
     "folded sheet": (partial(folded_sheet, 61, 0.4, 0.306), {}, {"avatar": BALL}),
@@ -65,9 +65,9 @@ def rested(name: str, tolerance: float, limit: int, device: str) -> dict[str, An
         scene = load_scene({**scene_of(name, Path(folder)), "collision": {"cloth": True}, "solver": solver})
         made = load_problem(scene, device)
     began = time.perf_counter()
-    goal = tolerance_of(scene), scene.solver.iterations
+    goal = Goal(tolerance_of(scene), scene.solver.iterations)
     outcome = relax_to_rest(
-        made.relaxation, made.certifier, *goal, follow=collider_updates(made), schedule=made.schedule
+        made.relaxation, made.certifier, goal, follow=collider_updates(made), schedule=made.schedule
     )
     seconds = time.perf_counter() - began
     cloth_contact = made.relaxation.cloth_contact

@@ -27,7 +27,7 @@ from methods_scenes import STIFFNESS, Case
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import collider_updates, start_coarse, tolerance_of
 from warp_cloth.model.result import Status
-from warp_cloth.solver.loop import BURST, relax_to_rest
+from warp_cloth.solver.loop import BURST, Goal, relax_to_rest
 
 LIMIT = 20_000
 
@@ -42,8 +42,7 @@ def fitted(case: Case, device: str, start: int, further: int) -> tuple[float, st
     outcome = relax_to_rest(
         problem.relaxation,
         problem.certifier,
-        tolerance_of(problem.scenes[0]),
-        LIMIT,
+        Goal(tolerance_of(problem.scenes[0]), LIMIT),
         follow=collider_updates(problem),
         ahead=False,
     )

@@ -203,12 +203,10 @@ def _relax(problem: Problem, frames: int, progress: Callable[[Progress], None] |
     return relax_to_rest(
         problem.relaxation,
         problem.certifier,
-        goal.tolerance,
-        goal.limit,
-        patience=goal.patience,
+        goal,
         frames=frames,
         follow=collider_updates(problem),
         schedule=problem.schedule,
-        crosses=problem.crossing_items if goal.ends_crossing else None,
+        crosses=problem.crossing_items,
         on_check=report_check if progress is not None else None,
     )

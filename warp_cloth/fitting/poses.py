@@ -16,7 +16,7 @@ from warp_cloth.base.mesh import Points
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.contact_schedule import ContactSchedule
-from warp_cloth.solver.loop import BURST, Follow, relax_to_rest
+from warp_cloth.solver.loop import BURST, Follow, Goal, relax_to_rest
 from warp_cloth.solver.relax import Relaxation
 
 # Largest displacement of the surface near the garment in one step [m]: a fraction of what the cloth can move in a
@@ -67,7 +67,7 @@ def follow_poses(
         WORN * tolerance.rest_error,
         WORN * tolerance.growing,
     )
-    outcome = relax_to_rest(relaxation, certifier, worn, limit, follow=follow, schedule=schedule, ahead=False)
+    outcome = relax_to_rest(relaxation, certifier, Goal(worn, limit), follow=follow, schedule=schedule, ahead=False)
     iterations, steps = outcome.iterations, 0
     for start, end in itertools.pairwise(poses):
         count = _steps(relaxation.model.points(), start, end)

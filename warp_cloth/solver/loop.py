@@ -94,10 +94,8 @@ class FrameRecorder:
 def relax_to_rest(
     relaxation: Relaxation,
     certifier: Certifier,
-    tolerance: Tolerance,
-    limit: int,
+    goal: Goal,
     *,
-    patience: Patience = Patience.NONE,
     frames: int = 0,
     follow: Follow | None = None,
     schedule: ContactSchedule | None = None,
@@ -110,17 +108,15 @@ def relax_to_rest(
     Args:
         relaxation: what iterates.
         certifier: what measures it.
-        tolerance: when to stop.
-        limit: most iterations.
-        patience: as in Goal.
+        goal: when to stop.
         frames: number of intermediate shapes to record, at least.
         follow: gives new colliders to items that leave the region of the old ones.
         schedule: of contact of cloth with cloth.
-        crosses: tells whether the cloth passes through itself, where the fit is to end then (see Goal).
+        crosses: tells whether the cloth passes through itself, where the goal says that the fit ends then.
         on_check: called with every check and the seconds so far.
         ahead: as in relax_items.
     """
-    recorder = FrameRecorder(frames, limit)
+    recorder = FrameRecorder(frames, goal.limit)
 
     def report(measured: Measurement, seconds: float) -> None:
         if on_check is not None:
@@ -129,7 +125,7 @@ def relax_to_rest(
     (outcome,) = relax_items(
         relaxation,
         certifier,
-        [Goal(tolerance, limit, patience, ends_crossing=crosses is not None)],
+        [goal],
         follow=follow,
         schedule=schedule,
         crosses=crosses,
