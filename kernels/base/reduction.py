@@ -4,12 +4,7 @@ Every sum is added in one fixed order, pairwise, whatever the number of blocks, 
 alone, in a batch, on a GPU and on the CPU, where a block is one thread.
 """
 
-import functools
-
 import warp as wp
-
-from warp_cloth.kernels.base.options import real_size
-from warp_cloth.kernels.base.types import cloth_types
 
 # Threads of a block on a GPU, and values that it sums pairwise; of more values, those REDUCTION_WIDTH apart come first.
 REDUCTION_WIDTH = 256
@@ -191,32 +186,20 @@ def garment_ratio(
     return result
 
 
-def _names(precision: str) -> dict[str, str]:
-    """Names of the real type in C++ and in PTX."""
-    return _DOUBLE if real_size(precision) == 8 else _SINGLE
+for _real, _words in ((wp.float32, _SINGLE), (wp.float64, _DOUBLE)):
+    _three, _six = (wp.types.vector(length=_length, dtype=_real) for _length in (3, 6))
 
+    @wp.func_native(_COHERENT_LOAD % _words)
+    def coherent_load(array: wp.array(dtype=_three), vertex: int, from_other_blocks: bool) -> _six:
+        """The vectors 2 vertex and 2 vertex + 1, past the core's own cache where one block of many may write them.
 
-@functools.cache
-def coherent_load_function(precision: str) -> wp.Function:
-    """The function ``coherent_load``, which reads both vectors of a vertex past the core's own cache."""
-    vec3, vec6 = cloth_types(precision).vec3, cloth_types(precision).vec6
-
-    @wp.func_native(_COHERENT_LOAD % _names(precision))
-    def coherent_load(array: wp.array(dtype=vec3), vertex: int, from_other_blocks: bool) -> vec6:
-        """The vectors 2 vertex and 2 vertex + 1; ``from_other_blocks``: one may have written them in this launch."""
+        ``from_other_blocks``: one may have written them in this launch.
+        """
         ...
 
-    return coherent_load
+    for _kind in (_three, _six, wp.types.matrix(shape=(3, 3), dtype=_real)):
 
-
-@functools.cache
-def add_in_lane_order_function(precision: str, dtype: type) -> wp.Function:
-    """The function ``add_in_lane_order``, of vectors or matrices of a type."""
-    names = {**_names(precision), "length": wp.types.type_size(dtype)}
-
-    @wp.func_native(_ADD_IN_LANE_ORDER % names)
-    def add_in_lane_order(sum: dtype, value: dtype, count: int) -> dtype:
-        """Adds to ``sum`` the values of the warp's first ``count`` threads, one after another."""
-        ...
-
-    return add_in_lane_order
+        @wp.func_native(_ADD_IN_LANE_ORDER % {**_words, "length": wp.types.type_size(_kind)})
+        def add_in_lane_order(sum: _kind, value: _kind, count: int) -> _kind:
+            """Adds to ``sum`` the values of the warp's first ``count`` threads, one after another."""
+            ...

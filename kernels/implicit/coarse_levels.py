@@ -12,9 +12,9 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.base.block import block_threads, lane_of, wait_for_block, warp_size
-from warp_cloth.kernels.base.reduction import add_in_lane_order_function
+from warp_cloth.kernels.base.reduction import add_in_lane_order
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.implicit.sparse import add_row, row_product_function, sparse_types
+from warp_cloth.kernels.implicit.sparse import add_row, add_row_by_warp, sparse_types
 from warp_cloth.kernels.math.symmetric import inverse, symmetric_times
 
 COARSEST_THREADS = 1024  # of the one block that works on the coarsest levels, on a GPU
@@ -23,7 +23,6 @@ COARSEST_THREADS = 1024  # of the one block that works on the coarsest levels, o
 @functools.cache
 def coarsen_stiffness_kernel(precision: str) -> wp.Kernel:
     vec6, CsrMatrix = cloth_types(precision).vec6, sparse_types(precision).CsrMatrix
-    row_product = row_product_function(precision, vec6)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def coarsen_stiffness(
@@ -33,7 +32,7 @@ def coarsen_stiffness_kernel(precision: str) -> wp.Kernel:
     ):
         """Weighted sums of symmetric blocks: the Galerkin stiffness of coarse pairs, or of coarse vertices."""
         row, lane = wp.tid() // warp_size(), wp.tid() % warp_size()
-        sum = row_product(rows, fine, row, lane)
+        sum = add_row_by_warp(vec6(), rows, row, fine, lane)
         if lane == 0:
             coarse_out[row] = sum
 
@@ -43,7 +42,6 @@ def coarsen_stiffness_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def coarsen_anchors_kernel(precision: str) -> wp.Kernel:
     vec6, CsrMatrix = cloth_types(precision).vec6, sparse_types(precision).CsrMatrix
-    add_in_lane_order = add_in_lane_order_function(precision, vec6)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def coarsen_anchors(
@@ -80,7 +78,6 @@ def coarsen_anchors_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def restrict_residual_kernel(precision: str) -> wp.Kernel:
     vec3, CsrMatrix = cloth_types(precision).vec3, sparse_types(precision).CsrMatrix
-    row_product = row_product_function(precision, vec3)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def restrict_residual(
@@ -90,7 +87,7 @@ def restrict_residual_kernel(precision: str) -> wp.Kernel:
     ):
         """r_coarse = P^T r."""
         vertex, lane = wp.tid() // warp_size(), wp.tid() % warp_size()
-        restricted = row_product(restriction, residual, vertex, lane)
+        restricted = add_row_by_warp(vec3(), restriction, vertex, residual, lane)
         if lane == 0:
             residual_out[vertex] = restricted
 
@@ -124,7 +121,6 @@ def prolong_correction_kernel(precision: str) -> wp.Kernel:
 def correct_coarsest_levels_kernel(precision: str) -> wp.Kernel:
     vec3, vec6 = cloth_types(precision).vec3, cloth_types(precision).vec6
     CsrMatrix = sparse_types(precision).CsrMatrix
-    row_product = row_product_function(precision, vec3)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, launch_bounds=COARSEST_THREADS)
     def correct_coarsest_levels(
@@ -142,7 +138,7 @@ def correct_coarsest_levels_kernel(precision: str) -> wp.Kernel:
         for level in range(1, coarsest + 1):
             row, rows = lane // warp_size(), lanes // warp_size()
             for vertex in range(first[level] + row, first[level + 1], rows):
-                restricted = row_product(restriction, residual_out, vertex, lane % warp_size())
+                restricted = add_row_by_warp(vec3(), restriction, vertex, residual_out, lane % warp_size())
                 if lane % warp_size() == 0:
                     residual_out[vertex] = restricted
             wait_for_block()

@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.block import warp_size
-from warp_cloth.kernels.base.reduction import add_in_lane_order_function
+from warp_cloth.kernels.base.reduction import add_in_lane_order
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.elements.stiffness import stiffness_types
 from warp_cloth.kernels.implicit.rigid_types import INTERLEAVED, rigid_types
@@ -61,7 +61,6 @@ def assemble_blocks_kernel(precision: str) -> wp.Kernel:
     types, own, RigidLevel = cloth_types(precision), stiffness_types(precision), rigid_types(precision).RigidLevel
     mat3, vec6, State = own.mat3, own.vec6, types.State
     lever = lever_function(precision)
-    add_in_lane_order = add_in_lane_order_function(precision, mat3)
 
     @wp.func
     def store_block(level: RigidLevel, entry: int, tt: mat3, tw: mat3, wt: mat3, ww: mat3):

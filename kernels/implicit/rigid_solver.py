@@ -10,7 +10,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.block import block_of, block_threads, lane_of, wait_for_block
-from warp_cloth.kernels.base.reduction import coherent_load_function, garment_ratio, grid_barrier, sum_chunk
+from warp_cloth.kernels.base.reduction import coherent_load, garment_ratio, grid_barrier, sum_chunk
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.implicit.rigid_types import INTERLEAVED, rigid_types
 from warp_cloth.kernels.math.operators import add, mul, sub  # noqa: F401  what + - * below call
@@ -96,7 +96,6 @@ def multiply_block(level: Any, rigid: Any, entry: int, d: Any):
 def multiply_chunk_function(precision: str) -> wp.Function:
     real, vec3, own = cloth_types(precision).real, cloth_types(precision).vec3, rigid_types(precision)
     RigidLevel, RigidState, vectors = own.RigidLevel, own.RigidState, wp.array(dtype=vec3)
-    coherent_load = coherent_load_function(precision)
 
     @wp.func
     def row_sum(level: RigidLevel, rigid: RigidState, vertex: int, i: int):

@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.block import warp_size
-from warp_cloth.kernels.base.reduction import add_in_lane_order_function
+from warp_cloth.kernels.base.reduction import add_in_lane_order
 from warp_cloth.kernels.base.types import cloth_types
 
 
@@ -42,21 +42,13 @@ def add_row(sum: Any, matrix: Any, row: int, x: Any):
     return sum
 
 
-@functools.cache
-def row_product_function(precision: str, dtype: type) -> wp.Function:
-    """The function ``row_product``: a row times a vector of elements of a type, by a warp."""
-    CsrMatrix, add_in_lane_order = sparse_types(precision).CsrMatrix, add_in_lane_order_function(precision, dtype)
-
-    @wp.func
-    def row_product(matrix: CsrMatrix, x: wp.array(dtype=dtype), row: int, lane: int):
-        """sum_j P_ij x_j, added in the order of the row; all threads of a warp must call it."""
-        sum = dtype()
-        last = matrix.start[row + 1]
-        for first in range(matrix.start[row], last, warp_size()):
-            term = dtype()
-            if first + lane < last:
-                term = x[matrix.column[first + lane]] * matrix.value[first + lane]
-            sum = add_in_lane_order(sum, term, wp.min(last - first, warp_size()))
-        return sum
-
-    return row_product
+@wp.func
+def add_row_by_warp(sum: Any, matrix: Any, row: int, x: Any, lane: int):
+    """``add_row`` by a warp, all of whose threads must call it; x also of matrices."""
+    last = matrix.start[row + 1]
+    for first in range(matrix.start[row], last, warp_size()):
+        term = type(sum)()
+        if first + lane < last:
+            term = x[matrix.column[first + lane]] * matrix.value[first + lane]
+        sum = add_in_lane_order(sum, term, wp.min(last - first, warp_size()))
+    return sum

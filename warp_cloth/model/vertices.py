@@ -63,7 +63,8 @@ def allocate_steps(
 ) -> None:
     """Makes what steps keep of vertices from one to the next, as far as their method does.
 
-    Bounds and contact of an earlier method's steps stay as they are.
+    Not with the model: which arrays there are is the method's choice, and several methods may iterate one model in
+    turn. Bounds and contact of an earlier method's steps stay as they are.
     """
     types, count, device = cloth_types(precision), len(state.position), state.position.device
     if stiffness and not state.stiffness:
