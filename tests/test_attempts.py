@@ -15,7 +15,7 @@ from warp_cloth.batch import fit_many
 from warp_cloth.fitting import attempts
 from warp_cloth.fitting.problem import Problem, build_problem
 from warp_cloth.fitting.warm_start import start_from
-from warp_cloth.garment.outfit import load_outfit
+from warp_cloth.garment.outfit import Outfit, load_outfit
 from warp_cloth.model.attempt import (
     FEW_CROSSINGS,
     MOST_ITERATIONS,
@@ -51,7 +51,11 @@ def first(scene: str | dict[str, Any], *changes: str) -> Attempt:
 
 
 def after(*ends: tuple[Attempt, Status, int]) -> Attempt | None:
-    return next_attempt([Ended(attempt, status, crossings, VERTICES) for attempt, status, crossings in ends])
+    return following(*(Ended(attempt, status, crossings, VERTICES) for attempt, status, crossings in ends))
+
+
+def following(*history: Ended) -> Attempt | None:
+    return next_attempt(history, load_outfit(history[0].attempt.stated))
 
 
 def decisions(attempt: Attempt | None) -> tuple[str, bool, int | None] | None:
@@ -159,14 +163,37 @@ def test_where_that_crosses_too_nothing_is_left_to_try() -> None:
     assert after((sewn, LIMIT, 9), (levels, REST, VERTICES)) is None
 
 
-def test_what_is_torn_is_tried_by_the_multilevel_method() -> None:
-    sewn = first("tshirt", *SMALL_SHIRT)
+def test_what_is_torn_where_it_is_placed_is_tried_by_the_multilevel_method() -> None:
+    sewn = first("tshirt", *SMALL_SHIRT, "solver.start=placed")
     torn = Ended(sewn, REST, 0, VERTICES, torn=True)
-    levels = next_attempt([torn])
+    levels = following(torn)
     assert decisions(levels) == ("multilevel", False, None)
     assert levels is not None
-    assert next_attempt([torn, Ended(levels, REST, 9, VERTICES, torn=True)]) is None
-    assert decisions(next_attempt([torn, Ended(levels, REST, 9, VERTICES)])) == ("accelerated", True, 1)
+    assert following(torn, Ended(levels, REST, 9, VERTICES, torn=True)) is None
+    assert decisions(following(torn, Ended(levels, REST, 9, VERTICES))) == ("accelerated", True, 1)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"torn": True}, {"misplaced": True}, {"cut_short": CutShort.CROSSING}],
+    ids=lambda wrong: next(iter(wrong)),
+)
+def test_what_is_wrong_round_a_limb_is_sewn_round_the_body_posed_within_it(wrong: dict[str, Any]) -> None:
+    failed = Ended(first("tshirt", *SMALL_SHIRT), LIMIT, 0, VERTICES, **wrong)
+    posed = following(failed)
+    assert posed is not None
+    assert (posed.start, posed.touches, posed.scene.solver.method) == ("posed", True, "accelerated")
+    assert posed.choices[-1].key == "solver.start"
+    stalled = following(failed, Ended(posed, LIMIT, 0, VERTICES, cut_short=CutShort.STALLED))
+    assert decisions(stalled) == ("multilevel", False, 1)
+    assert stalled is not None
+    assert stalled.start == "earlier attempt"
+    assert following(failed, Ended(posed, REST, 0, VERTICES)) is None
+
+
+def test_cloth_without_openings_for_limbs_is_never_posed() -> None:
+    sheet = following(Ended(first("sphere", *DRAPED), REST, 0, VERTICES, torn=True))
+    assert sheet is None or not sheet.posed
 
 
 def test_the_best_attempt_is_free_of_crossings_then_at_rest() -> None:
@@ -247,7 +274,7 @@ def test_cloth_that_touches_nothing_needs_one_attempt() -> None:
     assert [attempt["cloth_contact"] for attempt in fit.report["attempts"]] == [False]
 
 
-def in_vain(history: Sequence[Ended]) -> Attempt | None:
+def in_vain(history: Sequence[Ended], _: Outfit) -> Attempt | None:
     """One more attempt, of a single iteration."""
     attempt = history[0].attempt
     solver = attempt.scene.solver.model_copy(update={"iterations": 1})

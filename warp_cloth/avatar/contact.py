@@ -91,6 +91,19 @@ class _LazyReport:
         return self._report
 
 
+def followed(exact: ExactCollider, surface: Points, cloth: Points) -> Points:
+    """Where cloth at these positions [m] goes as the collider's vertices move to ``surface`` [m], shape [V, 3].
+
+    It follows the surface near it, less and less farther off.
+    """
+    near = exact.closest(cloth)
+    away = np.linalg.norm(cloth - near.points, axis=1)
+    fraction = np.clip((STAYS - away) / (STAYS - FOLLOWS), 0.0, 1.0)
+    displacement = np.einsum("ij,ijk->ik", near.weights, (surface - exact.avatar.points)[near.corners])
+    moved: Points = cloth + fraction[:, None] * displacement
+    return moved
+
+
 class AvatarContact:
     """Builds the collider of a scene, and rebuilds it when a garment leaves the region that it covers."""
 
@@ -240,14 +253,11 @@ class AvatarContact:
         if self._closing is not None:
             avatar = self._closing.points(avatar)
         exact = build_exact_collider(self._avatar, self._options.device)
-        near = exact.closest(cloth)
-        away = np.linalg.norm(cloth - near.points, axis=1)
-        fraction = np.clip((STAYS - away) / (STAYS - FOLLOWS), 0.0, 1.0)
-        displacement = np.einsum("ij,ijk->ik", near.weights, (avatar - self._avatar.points)[near.corners])
+        moved = followed(exact, avatar, cloth)
         self._avatar = replace(self._avatar, points=avatar)
         self._box = self._avatar.bounds()
         self.builds = 0
-        return cloth + fraction[:, None] * displacement
+        return moved
 
     @property
     def built(self) -> Sampled:

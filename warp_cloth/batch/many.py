@@ -24,7 +24,7 @@ from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.fitting.predrape import build_predrape, prepare_start, start_predraped
-from warp_cloth.fitting.problem import build_problem, problem_kind, start_coarse
+from warp_cloth.fitting.problem import build_problem, problem_kind
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.model.plan import contact_kind
 from warp_cloth.scene import Scene, load_scene
@@ -146,7 +146,8 @@ def _fit_together(
     predrape = build_predrape(problem, cache)
     clock.lap("build")
     # without the lease: a few garments leave a GPU idle most of the time, for the process that has it
-    levels = [start_coarse(problem)] * len(scenes) if predrape is None else start_predraped(problem, predrape)
+    placed = [prepare_start(problem, cache)] * len(scenes) if predrape is None else []
+    levels = placed if predrape is None else start_predraped(problem, predrape)
     for item in range(len(scenes)):
         if not lease.taken():
             break

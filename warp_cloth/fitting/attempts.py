@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_cloth.anatomy.linking import Misplaced
 from warp_cloth.base.cache import Cache
 from warp_cloth.contact.garments import GarmentCrossings, model_crossings, worn_crossings
 from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates
+from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.attempt import TORN, Attempt, Ended, next_attempt
-from warp_cloth.model.result import AttemptRun, LevelRun
+from warp_cloth.model.result import AttemptRun, LevelRun, Status
 from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.loop import Outcome, relax_items
 from warp_cloth.solver.relax import Relaxation
@@ -30,6 +32,8 @@ class Run:
     outcome: Outcome
     crossings: GarmentCrossings
     torn: bool
+    misplaced: tuple[tuple[Misplaced, ...], ...] = ()  # openings of each garment that the wrong limbs pass through
+    pierced: bool = False  # whether cloth runs through the middle of a limb
     levels: tuple[LevelRun, ...] = ()
 
     @property
@@ -39,7 +43,15 @@ class Run:
     @property
     def ended(self) -> Ended:
         outcome, pairs = self.outcome, self.crossings.pairs
-        return Ended(self.attempt, outcome.status, pairs, len(outcome.points), self.torn, outcome.cut_short)
+        return Ended(
+            self.attempt,
+            outcome.status,
+            pairs,
+            len(outcome.points),
+            torn=self.torn,
+            misplaced=self.pierced or any(self.misplaced),
+            cut_short=outcome.cut_short,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +80,7 @@ class Course:
                 run.outcome.iterations,
                 run.outcome.status,
                 run.crossings.pairs,
+                start=run.attempt.start,
                 chosen=run is best,
             )
             for run in self.runs
@@ -84,8 +97,26 @@ def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequenc
     model = problem.model
     strains = edge_strains(model)
     torn = [bool((strains[model.of_item(item, model.edge_start)] > TORN).any()) for item in range(len(outcomes))]
-    each = enumerate(zip(outcomes, crossings, torn, levels, strict=True))
-    return [Run(problem, item, *of_item) for item, of_item in each]
+    placements = [_placement(problem.loaded[item], outcome) for item, outcome in enumerate(outcomes)]
+    return [
+        Run(problem, item, outcome, crossings[item], torn[item], *placements[item], levels[item])
+        for item, outcome in enumerate(outcomes)
+    ]
+
+
+def _placement(outfit: Outfit, outcome: Outcome) -> tuple[tuple[tuple[Misplaced, ...], ...], bool]:
+    """The openings of each garment that the wrong limbs pass through, and whether cloth runs through a limb."""
+    misplaced: list[tuple[Misplaced, ...]] = []
+    pierced, first = False, 0
+    for garment, wearing in zip(outfit.garments, outfit.wearing, strict=True):
+        points = outcome.points[first : first + len(garment.points)]
+        first += len(garment.points)
+        if wearing is None or outcome.status is Status.DIVERGED:
+            misplaced.append(())
+            continue
+        misplaced.append(tuple(wearing.misplaced(points)))
+        pierced = pierced or bool(wearing.pierced(points))
+    return tuple(misplaced), pierced
 
 
 def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock: StageClock) -> Course:
@@ -100,7 +131,7 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
     """
     runs = [first]
     outfit = first.problem.loaded[first.item]
-    while (attempt := next_attempt([run.ended for run in runs])) is not None:
+    while (attempt := next_attempt([run.ended for run in runs], outfit)) is not None:
         device = first.problem.model.device
         problem = build_problem([attempt.stated], [outfit], device, cache=cache, clock=clock, attempts=[attempt])
         levels: tuple[LevelRun, ...] = ()

@@ -98,6 +98,7 @@ def _measure(problem: Problem, runs: Sequence[Run]) -> list[Measurements]:
             overlap=overlaps[item],
             crossings=runs[item].crossings,
             contact=problem.contact_report(item),
+            misplaced=runs[item].misplaced,
             levels=runs[item].levels,
             choices=problem.choices(item),
         )

@@ -125,13 +125,13 @@ def fit(
         raise InputError("avatar.poses", "cannot be combined with an earlier result as the start", "remove one of them")
     earlier = None if start is None else _earlier(start, chosen)
     clock, cache = StageClock(lambda stage: report_progress(Progress(stage))), Cache()
-    problem = load_problem(chosen, device_name, cache=cache, clock=clock)
+    problem = load_problem(chosen, device_name, cache=cache, clock=clock, may_pose=earlier is None)
     if chosen.solver.start == "dressed" and earlier is None:
         report_progress(Progress("dress"))
 
     def begin(problem: Problem) -> tuple[LevelRun, ...]:
         """Brings the garments to where every attempt starts: the earlier result, if there is one."""
-        if earlier is None:
+        if earlier is None or problem.attempts[0].posed:
             return prepare_start(problem, cache)
         if not start_from(problem, earlier):
             place = start if isinstance(start, str | Path) else "start"

@@ -9,6 +9,7 @@ from typing import Any
 
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
+from warp_cloth.fitting.posed_start import start_posed
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.result import LevelRun, Status
@@ -66,6 +67,8 @@ def build_predrape(problem: Problem, cache: Cache) -> Predrape | None:
 
 def prepare_start(problem: Problem, cache: Cache) -> tuple[LevelRun, ...]:
     """Brings a lone scene's garments to where its fit starts; returns the relaxations that this took."""
+    if problem.attempts[0].posed:
+        return start_posed(problem, cache)
     predrape = build_predrape(problem, cache)
     return start_coarse(problem) if predrape is None else start_predraped(problem, predrape)[0]
 

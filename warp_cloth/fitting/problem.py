@@ -124,12 +124,12 @@ def problem_kind(scene: Scene, outfit: Outfit) -> tuple[Any, ...]:
     """A key that is equal for scenes that can relax together: their kernels are then those of each alone.
 
     A scene with cloth contact has a kind of its own, because what it launches depends on how its garments lie. So has
-    one whose avatar moves, and one of the multilevel method.
+    one whose avatar moves or is posed, and one of the multilevel method.
     """
-    decided = first_attempt(scene, outfit).scene
-    solver = decided.solver
+    attempt = first_attempt(scene, outfit)
+    decided, solver = attempt.scene, attempt.scene.solver
     contact = contact_kind(decided, outfit)
-    is_alone = decided.collision.cloth or outfit.poses or solver.method == "multilevel"
+    is_alone = decided.collision.cloth or outfit.poses or attempt.posed or solver.method == "multilevel"
     identity = id(scene) if is_alone else 0
     return solver.method, solver.start, solver.precision, contact, identity, terms_of(outfit.garments)
 
@@ -143,17 +143,22 @@ def load_problem(
     cache: Cache | None = None,
     options: StepOptions | None = None,
     clock: StageClock | None = None,
+    may_pose: bool = True,
 ) -> Problem:
     """Loads one scene and builds its problem.
 
     ``mesh_cache`` holds meshes that earlier scenes share with it. ``earlier`` is an avatar contact to reuse, so that a
-    change of fabric or offset need not sample the avatar again. The other arguments are those of ``build_problem``.
+    change of fabric or offset need not sample the avatar again. ``may_pose`` is that of ``first_attempt``; the other
+    arguments are those of ``build_problem``.
     """
     clock = clock or StageClock()
     clock.begin("load")
     outfit = load_outfit(scene, mesh_cache)
     clock.lap("load")
-    return build_problem([scene], [outfit], device, earlier=earlier, cache=cache, options=options, clock=clock)
+    attempts = [first_attempt(scene, outfit, may_pose=may_pose)]
+    return build_problem(
+        [scene], [outfit], device, earlier=earlier, cache=cache, options=options, clock=clock, attempts=attempts
+    )
 
 
 def build_problem(
@@ -217,7 +222,7 @@ def _assemble(
     """The problem's arrays on the device, their kernels not compiled yet; arguments as in ``build_problem``."""
     scenes = [attempt.scene for attempt in attempts]
     first = scenes[0]
-    outfits = placed(scenes, loaded, device, cache)
+    outfits = list(loaded) if attempts[0].posed else placed(scenes, loaded, device, cache)
     contacts, colliders = _avatar_contacts(scenes, outfits, device, earlier, cache)
     garments = [garment for outfit in outfits for garment in outfit.garments]
     model = build_model(

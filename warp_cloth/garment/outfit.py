@@ -6,10 +6,13 @@ import contextlib
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+from warp_cloth.anatomy.linking import Wearing
+from warp_cloth.anatomy.openings import openings_of
+from warp_cloth.anatomy.skeleton import LIMBS, Skeleton, skeleton_of
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
@@ -41,11 +44,29 @@ class Outfit:
     avatar: Mesh | None  # in its last pose
     poses: tuple[Points, ...] = ()  # vertices of a moving avatar, first pose to last [m], each shape [V, 3]
     predrape_garments: tuple[Garment, ...] = ()  # in the fabric of the predrape; empty: garments start as placed
+    skeleton: Skeleton | None = None  # of the avatar; None: no limbs can be told, or it moves
 
     @property
     def starting_avatar(self) -> Mesh | None:
         """The avatar in its first pose, in which the garments start."""
         return replace(self.avatar, points=self.poses[0]) if self.avatar is not None and self.poses else self.avatar
+
+    @cached_property
+    def wearing(self) -> tuple[Wearing | None, ...]:
+        """The openings of each garment and the limbs that they are for; None: of a sheet, or on what has no limbs."""
+        return tuple(_wearing(garment, self.skeleton) for garment in self.garments)
+
+    @cached_property
+    def start_fault(self) -> str:
+        """Why the garments cannot be sewn where they start, with a limb through the wrong opening; empty: they can."""
+        for garment, wearing in zip(self.garments, self.wearing, strict=True):
+            if wearing is None or garment.rest.source.kind != "uv" or len(garment.pins):
+                continue
+            if pierced := wearing.pierced(garment.points):
+                return f"cloth starts on both sides of the {LIMBS[pierced[0]]}"
+            if misplaced := wearing.misplaced(garment.points):
+                return f"an opening starts beside the {LIMBS[misplaced[0].wanted[0]]}"
+        return ""
 
 
 class GarmentKeys(NamedTuple):
@@ -115,7 +136,28 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
         key = "posed", *avatar_recipe(scene)[0].key, _values(scene.avatar, {"poses"}), _file_stamp(*files)
         avatar, poses = cache.get(key, partial(_posed, scene.avatar, avatar))
     predraped = () if predrape_scene is None else _garments(predrape_scene, worn, cache)
-    return Outfit(worn, garments, avatar, poses, predraped)
+    skeleton = None
+    if avatar is not None and not poses and scene.collision.avatar != "none":
+        key = avatar_recipe(scene)[0].key
+        skeleton = cache.get(("skeleton", *key[1:]), partial(skeleton_of, avatar))
+    return Outfit(worn, garments, avatar, poses, predraped, skeleton)
+
+
+def garments_in(scene: Scene, meshes: Sequence[Mesh]) -> tuple[Garment, ...]:
+    """A scene's garments from meshes that are loaded already."""
+    garments = []
+    for spec, key, mesh in zip(scene.garments, scene.garment_keys, meshes, strict=True):
+        rest, pins = _rest(mesh, _geometry(mesh, spec, key), spec, key)
+        garments.append(Garment(mesh.points, mesh.triangles, rest, pins))
+    return tuple(garments)
+
+
+def _wearing(garment: Garment, skeleton: Skeleton | None) -> Wearing | None:
+    if skeleton is None:
+        return None
+    rest = garment.rest
+    openings = openings_of(rest.topology, garment.triangles, rest.edge_length, len(garment.points))
+    return Wearing.of(openings, garment.points, garment.triangles, skeleton) if openings else None
 
 
 def _garments(scene: Scene, meshes: Sequence[Mesh], mesh_cache: MeshCache) -> tuple[Garment, ...]:

@@ -7,7 +7,7 @@ how an attempt has ended. An attempt is a plain scene, so that nothing else know
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -53,11 +53,19 @@ class Attempt:
     begins_after: int | None = None  # number of the attempt whose shape it starts from; None: as garments are placed
     patience: Patience = Patience.NONE
     ends_crossing: bool = False  # whether it ends where cloth passes through cloth
+    posed: bool = False  # whether it starts sewn round the avatar as it is posed within the garments
 
     @property
     def touches(self) -> bool:
         """Whether cloth meets cloth."""
         return self.scene.collision.cloth is True
+
+    @property
+    def start(self) -> str:
+        """Where it starts, for the report."""
+        if self.posed:
+            return "posed"
+        return "placed" if self.begins_after is None else "earlier attempt"
 
     @property
     def has_levels(self) -> bool:
@@ -73,6 +81,7 @@ class Ended:
     crossings: int  # pairs of triangles that pass through each other
     vertices: int  # of all garments
     torn: bool = False  # whether an edge is stretched as no worn cloth is
+    misplaced: bool = False  # whether a limb is outside its opening, or cloth runs through its middle
     cut_short: CutShort | None = None
 
     @property
@@ -84,17 +93,19 @@ class Ended:
     @property
     def well(self) -> bool:
         """Whether nothing is left to mend."""
-        return self.status is Status.AT_REST and self.apart and not self.torn
+        return self.status is Status.AT_REST and self.apart and not self.torn and not self.misplaced
 
     @property
-    def rank(self) -> tuple[bool, bool, bool, bool, bool, int]:
+    def rank(self) -> tuple[bool, bool, bool, bool, bool, bool, int]:
         """Larger is better."""
-        finite, rests = self.status is not Status.DIVERGED, self.status is Status.AT_REST
-        return finite, self.well, self.apart and rests, self.apart, not self.torn, -self.crossings
+        finite, rests, whole = self.status is not Status.DIVERGED, self.status is Status.AT_REST, not self.torn
+        return finite, self.well, not self.misplaced, self.apart and rests, self.apart, whole, -self.crossings
 
 
-def first_attempt(scene: Scene, outfit: Outfit) -> Attempt:
-    """What a scene is fitted with first."""
+def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Attempt:
+    """What a scene is fitted with first; ``may_pose``: with the avatar posed, where the garments start badly on it."""
+    if may_pose and _may_pose(scene, outfit) and outfit.start_fault:
+        return _posed(scene, outfit, outfit.start_fault)
     touches, why = _first_contact(scene, outfit)
     stated = scene.solver.method
     method = "accelerated" if stated == "auto" else stated
@@ -103,12 +114,13 @@ def first_attempt(scene: Scene, outfit: Outfit) -> Attempt:
     )
 
 
-def next_attempt(history: Sequence[Ended]) -> Attempt | None:
+def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     """What a scene is fitted with after these attempts; None: all is well, or there is nothing else to try.
 
-    Cloth that crosses is relaxed again with contact. Cloth that does not come to rest, or is torn round a limb, is
-    relaxed by the multilevel method without contact, which sews and lets fall as a whole; where that leaves few
-    crossings they are then undone, and where it leaves many the attempt with contact goes on.
+    Cloth that crosses is relaxed again with contact. Cloth that is torn or tangled round a limb is sewn again, round
+    the avatar as it is posed within the garment. Cloth that does not come to rest is relaxed by the multilevel method
+    without contact, which sews and lets fall as a whole; where that leaves few crossings they are then undone, and
+    where it leaves many the attempt with contact goes on.
     """
     ended = history[-1]
     attempt, stated = ended.attempt, ended.attempt.stated
@@ -116,10 +128,13 @@ def next_attempt(history: Sequence[Ended]) -> Attempt | None:
         return None
     if stated.solver.iterations is not None and ended.status is not Status.AT_REST and ended.cut_short is None:
         return None  # as many iterations as the scene wants
+    posed_next = _may_pose(stated, outfit) and not any(each.attempt.posed for each in history)
+    if posed_next and (ended.torn or ended.misplaced or (ended.cut_short is CutShort.CROSSING and attempt.touches)):
+        return _posed(stated, outfit, "cloth was torn or tangled round a limb")
     may_touch = stated.collision.cloth is not False
     levels_next = _may_have_levels(stated) and not any(each.attempt.has_levels for each in history)
     if attempt.touches:
-        return _levels(stated) if levels_next else None
+        return _levels(stated, _last_posed(history)) if levels_next else None
     if may_touch and (ended.crossings or (attempt.has_levels and len(history) > 1)):
         if ended.torn and attempt.has_levels and history[0].status is Status.AT_REST:
             return None
@@ -129,7 +144,14 @@ def next_attempt(history: Sequence[Ended]) -> Attempt | None:
         why = "cloth crossed without it"
         method = "direct" if stated.solver.method == "direct" else "accelerated"
         return _attempt(stated, method, True, why, "contact is per vertex", begins_after, last=not levels_next)
-    return _levels(stated) if levels_next and (ended.torn or ended.status is not Status.AT_REST) else None
+    still_open = ended.torn or ended.misplaced or ended.status is not Status.AT_REST
+    return _levels(stated, _last_posed(history)) if levels_next and still_open else None
+
+
+def _last_posed(history: Sequence[Ended]) -> int | None:
+    """The attempt with the avatar posed, if it put every limb into its opening."""
+    good = [n for n, each in enumerate(history) if each.attempt.posed and not (each.torn or each.misplaced)]
+    return good[-1] if good else None
 
 
 def _untangling_start(history: Sequence[Ended]) -> int | None:
@@ -151,6 +173,14 @@ def _may_have_levels(stated: Scene) -> bool:
     return is_open and stated.solver.start != "dressed" and not has_poses
 
 
+def _may_pose(stated: Scene, outfit: Outfit) -> bool:
+    """Whether the avatar may be posed within the garment: one that is sewn, free of pins, with openings for limbs."""
+    if stated.solver.start != "auto" or stated.solver.method == "direct" or len(outfit.garments) != 1:
+        return False
+    (garment,), (wearing,) = outfit.garments, outfit.wearing
+    return wearing is not None and garment.rest.source.kind == "uv" and not len(garment.pins)
+
+
 def _first_contact(scene: Scene, outfit: Outfit) -> tuple[bool, str]:
     """Whether cloth meets cloth from the start, and why."""
     stated = scene.collision.cloth
@@ -167,9 +197,18 @@ def _first_contact(scene: Scene, outfit: Outfit) -> tuple[bool, str]:
     return False, "nothing crosses"
 
 
-def _levels(stated: Scene) -> Attempt:
+def _levels(stated: Scene, begins_after: int | None) -> Attempt:
     why = "the accelerated method ended torn, or made no more progress"
-    return _attempt(stated, "multilevel", False, "nothing crosses", why, None, last=False)
+    return _attempt(stated, "multilevel", False, "nothing crosses", why, begins_after, last=False)
+
+
+def _posed(stated: Scene, outfit: Outfit, why: str) -> Attempt:
+    touches, why_contact = _first_contact(stated, outfit)
+    method = "accelerated" if stated.solver.method == "auto" else stated.solver.method
+    attempt = _attempt(
+        stated, method, touches, why_contact, "its iterations are the cheapest", None, last=not _may_have_levels(stated)
+    )
+    return replace(attempt, posed=True, choices=(*attempt.choices, Choice("solver.start", "posed", why)))
 
 
 def _attempt(

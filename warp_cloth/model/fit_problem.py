@@ -18,6 +18,7 @@ class ProblemCode(str, Enum):
     FELL_OFF = "fell_off"
     SLID_OFF = "slid_off"
     DETACHED_PIECE = "detached_piece"
+    WRONG_OPENING = "wrong_opening"
     EMPTY_OPENING = "empty_opening"
     BUNCHED_UP = "bunched_up"
     THROUGH_BODY = "through_body"

@@ -12,6 +12,7 @@ from warp_cloth.base.choice import Choice
 from warp_cloth.model.result import LevelRun, Strain
 
 if TYPE_CHECKING:
+    from warp_cloth.anatomy.linking import Misplaced
     from warp_cloth.avatar.penetration import Overlap
     from warp_cloth.contact.garments import GarmentCrossings
 
@@ -26,5 +27,6 @@ class Measurements:
     overlap: Overlap | None  # with the avatar; None: there is none
     crossings: GarmentCrossings
     contact: dict[str, Any] | None  # the collider and its error; None: no avatar
+    misplaced: Sequence[Sequence[Misplaced]] = ()  # openings of each garment that the wrong limbs pass through
     levels: Sequence[LevelRun] = ()  # relaxations that came before
     choices: Sequence[Choice] = ()  # what the program chose where the scene says "auto"

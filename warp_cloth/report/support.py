@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from warp_cloth.anatomy.skeleton import LIMBS
 from warp_cloth.base.connected import connected_components
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
@@ -31,7 +32,8 @@ def support_problems(judged: Judged) -> Iterator[FitProblem]:
     else:
         yield from detached_pieces(judged)
     if not judged.pinned and (lost is None or lost.code is ProblemCode.SLID_OFF):
-        yield from empty_openings(judged)
+        misplaced = list(wrong_openings(judged))
+        yield from misplaced or empty_openings(judged)
 
 
 def unsupported(judged: Judged) -> FitProblem | None:
@@ -114,6 +116,22 @@ def slid_down(judged: Judged) -> FitProblem | None:
         {"slid_mm": 1e3 * (began - ended), "limit_mm": 1e3 * limit},
         vertices=listed(highest.vertices),
     )
+
+
+def wrong_openings(judged: Judged) -> Iterator[FitProblem]:
+    """Openings that other limbs pass through than those that they are for."""
+    for each in judged.of.measured.misplaced[judged.index] if judged.of.measured.misplaced else ():
+        wanted = " and ".join(LIMBS[limb] for limb in each.wanted)
+        found = " and ".join(LIMBS[limb] for limb in each.found) or "nothing"
+        yield FitProblem(
+            ProblemCode.WRONG_OPENING,
+            f'An opening of "{judged.name}" that is {100 * each.opening.girth:.0f} cm around is for the {wanted}, but '
+            f"{found} passes through it.",
+            "Place the panels around the limb that is to pass through, in the body's pose.",
+            judged.name,
+            {"girth_mm": 1e3 * each.opening.girth},
+            vertices=listed(each.opening.loop),
+        )
 
 
 def empty_openings(judged: Judged) -> Iterator[FitProblem]:

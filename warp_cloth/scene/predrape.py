@@ -19,7 +19,7 @@ ITERATIONS = 8000  # limit; a start from a shape that is not at rest saves less
 
 def predrape_scene_of(scene: Scene) -> Scene | None:
     """The scene of the predrape; None if the garments start as placed."""
-    if scene.solver.start == "placed":
+    if scene.solver.start != "dressed":
         return None
     fabric = resolve_fabric(FABRIC, Path())
     avatar = scene.avatar
@@ -31,6 +31,7 @@ def predrape_scene_of(scene: Scene) -> Scene | None:
             "collision": scene.collision.model_copy(update={"cloth": False}),
             "solver": SolverSpec(
                 method="accelerated",
+                start="placed",
                 iterations=ITERATIONS,
                 precision=scene.solver.precision,
                 cap=scene.solver.cap,

@@ -27,7 +27,7 @@ AvatarCollision = Literal["depth", "auto", "mesh", "plain", "none"]
 ClothCollision = Literal["auto"] | StrictBool
 Method = Literal["auto", "multilevel", "accelerated", "direct"]
 Precision = Literal["float32", "float64", "mixed"]
-Start = Literal["placed", "dressed"]
+Start = Literal["auto", "placed", "dressed"]
 NAMED_MESHES = (*USD_SUFFIXES, ".glb", ".gltf")  # files whose meshes have names, so that one may hold a whole scene
 
 
@@ -92,9 +92,10 @@ class SolverSpec(Table):
         "stiff cloth and fine meshes; direct: the paper's rule.",
     )
     start: Start = Field(
-        default="placed",
-        description="placed: from the mesh; dressed: from its rest shape in jersey, which a batch shares (accelerated "
-        "method, without collision.cloth and avatar.poses).",
+        default="auto",
+        description="auto: sewn round the avatar where the mesh has it or, if limbs would be outside, round the avatar "
+        "posed within the garment; placed: from the mesh; dressed: from its rest shape in jersey, which a batch shares "
+        "(accelerated method, without collision.cloth and avatar.poses).",
     )
     iterations: Integer | None = Field(
         default=None,

@@ -1,0 +1,128 @@
+"""A body's limbs, a garment's openings, and which limb passes through which, on shapes where all is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from warp_cloth.anatomy.geodesics import EdgeGraph, level_lines
+from warp_cloth.anatomy.linking import curve_crossings, limbs_through
+from warp_cloth.anatomy.openings import LEGS
+from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, RIGHT_LEG, TRUNK, Skeleton, skeleton_of
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.topology import build_topology
+from warp_cloth.garment.outfit import Outfit, load_outfit
+from warp_cloth.scene import load_scene
+
+Floats = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def tshirt() -> Outfit:
+    """The shipped T-shirt on the mannequin."""
+    return load_outfit(load_scene("tshirt"))
+
+
+@pytest.fixture(scope="module")
+def skeleton(tshirt: Outfit) -> Skeleton:
+    assert tshirt.skeleton is not None
+    return tshirt.skeleton
+
+
+def cylinder(radius: float, height: float, around: int = 48, rows: int = 20) -> tuple[Floats, NDArray[np.int32]]:
+    """An open cylinder about the y axis: points [m] and triangles."""
+    angle, level = np.meshgrid(2.0 * np.pi * np.arange(around) / around, np.linspace(0.0, height, rows + 1))
+    points = np.stack([radius * np.cos(angle), level, radius * np.sin(angle)], axis=-1).reshape(-1, 3)
+    here = np.arange(rows * around)
+    right = here // around * around + (here + 1) % around
+    quads = np.stack([here, right, right + around, here + around], axis=1)
+    return points, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
+
+
+def ring(radius: float, at: float, around: int = 24) -> tuple[Floats, Floats]:
+    """A circle about the y axis as segments: their ends [m]."""
+    angle = 2.0 * np.pi * np.arange(around) / around
+    points = np.stack([radius * np.cos(angle), np.full(around, at), radius * np.sin(angle)], axis=1)
+    return points, np.roll(points, -1, axis=0)
+
+
+def test_level_lines_of_a_cylinder_are_its_circles() -> None:
+    points, triangles = cylinder(0.1, 1.0)
+    lines = level_lines(points, triangles, points[:, 1], np.array([0.111, 0.503]))
+    girth = 48 * 2.0 * 0.1 * np.sin(np.pi / 48)
+    assert lines.girths() == pytest.approx([girth, girth], rel=1e-3)
+    assert lines.centres() == pytest.approx(np.array([[0.0, 0.111, 0.0], [0.0, 0.503, 0.0]]), abs=1e-4)
+
+
+def test_distances_along_a_cylinder_are_heights_above_its_lower_rim() -> None:
+    points, triangles = cylinder(0.1, 1.0)
+    edges = build_topology(triangles, len(points)).edges
+    lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+    distances = EdgeGraph(edges, lengths, len(points)).distances(np.flatnonzero(points[:, 1] == 0.0).astype(np.int32))
+    assert distances == pytest.approx(points[:, 1], abs=1e-9)
+
+
+def test_limbs_pass_through_a_ring_by_parity() -> None:
+    inside, outside, through_twice = (
+        np.array([[0.0, -1.0, 0.01], [0.0, 1.0, 0.01]]),
+        np.array([[0.5, -1.0, 0.0], [0.5, 1.0, 0.0]]),
+        np.array([[0.02, -1.0, 0.01], [0.02, 1.0, 0.01], [0.03, -1.0, 0.02]]),
+    )
+    assert limbs_through(*ring(0.1, 0.0), [inside, outside, through_twice]) == (0,)
+    points, triangles = cylinder(0.1, 0.5)
+    across = np.array([[-1.0, 0.201, 0.013], [1.0, 0.207, 0.011]])
+    assert [curve_crossings(points, triangles, curve) for curve in (inside, across)] == [0, 2]
+
+
+def test_the_mannequin_has_five_limbs(skeleton: Skeleton) -> None:
+    assert skeleton.up == pytest.approx([0.0, 1.0, 0.0], abs=0.05)
+    assert skeleton.forward == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
+    tips = np.array([curve[-1] for curve in skeleton.curves])
+    assert tips[HEAD][1] == tips[:, 1].max()
+    assert tips[RIGHT_ARM][0] < -0.5 < 0.5 < tips[LEFT_ARM][0]
+    assert tips[RIGHT_LEG][0] < 0.0
+    assert tips[RIGHT_LEG][1] < 0.05
+    assert set(np.unique(skeleton.limb)) == {*range(TRUNK), TRUNK}
+
+
+def test_limbs_are_told_wherever_and_however_the_body_stands(tshirt: Outfit, skeleton: Skeleton) -> None:
+    assert tshirt.avatar is not None
+    turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z up, facing x
+    moved = replace(tshirt.avatar, points=0.6 * tshirt.avatar.points @ turn.T + [3.0, -2.0, 1.0])
+    found = skeleton_of(moved)
+    assert found is not None
+    for curve, expected in zip(found.curves, skeleton.curves, strict=True):
+        assert curve[-1] == pytest.approx(0.6 * expected[-1] @ turn.T + [3.0, -2.0, 1.0], abs=0.02)
+
+
+def test_what_is_no_person_has_no_limbs(tshirt: Outfit) -> None:
+    points, triangles = cylinder(0.1, 1.7)
+    assert skeleton_of(Mesh("post", points, triangles)) is None
+    assert tshirt.avatar is not None
+    low, high = tshirt.avatar.bounds()
+    upper = (tshirt.avatar.points[tshirt.avatar.triangles, 1] > 0.5 * (low[1] + high[1])).all(axis=1)
+    used, corners = np.unique(tshirt.avatar.triangles[upper], return_inverse=True)
+    half = Mesh("half", tshirt.avatar.points[used], corners.reshape(-1, 3).astype(np.int32))
+    assert skeleton_of(half) is None
+
+
+def test_a_tshirt_is_for_head_arms_and_legs_and_starts_right(tshirt: Outfit) -> None:
+    (wearing,) = tshirt.wearing
+    assert wearing is not None
+    assert sorted(wearing.limbs) == [(HEAD,), (RIGHT_ARM,), (LEFT_ARM,), LEGS]
+    assert tshirt.start_fault == ""
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0, -0.4), (1.0, 0.0, 0.0), (0.0, -0.25, 0.0)])
+def test_a_tshirt_beside_its_body_has_limbs_outside_their_openings(
+    tshirt: Outfit, shift: tuple[float, float, float]
+) -> None:
+    (wearing,), (garment,) = tshirt.wearing, tshirt.garments
+    assert wearing is not None
+    points = garment.points + np.array(shift)
+    assert wearing.misplaced(points) or wearing.pierced(points)
+    moved = replace(tshirt, garments=(replace(garment, points=points),))
+    assert moved.start_fault != ""

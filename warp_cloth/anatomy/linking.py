@@ -1,0 +1,137 @@
+"""Which limbs pass through which openings: how often their curves cross a surface that spans each ring of cloth.
+
+By parity, so that neither the surface chosen nor the winding of the mesh matters. A surface that spans the other side
+of the body is crossed by all limbs that it did not count, so an opening's limbs are known up to their complement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.anatomy.openings import ARMS, Limbs, Opening, limbs_for
+from warp_cloth.anatomy.skeleton import HEAD, LIMBS, Skeleton
+from warp_cloth.base.mesh import Indices, Points
+
+BLOCK = 6  # segments of a curve whose triangles are looked for together
+FAR_SLEEVE = 0.3  # [m] above or below the shoulders: sleeves of any length begin nearer
+
+
+@dataclass(frozen=True, eq=False)
+class Misplaced:
+    """An opening that other limbs pass through than those it is for."""
+
+    opening: Opening
+    wanted: Limbs
+    found: Limbs
+
+
+def misplaced_openings(
+    openings: Sequence[Opening], wanted: Sequence[Limbs], points: Points, triangles: Indices, skeleton: Skeleton
+) -> list[Misplaced]:
+    """The openings of a garment at ``points`` [m], shape [V, 3], that not all and only their limbs pass through."""
+    found = []
+    for opening, limbs in zip(openings, wanted, strict=True):
+        if not limbs:
+            continue
+        rings = opening.rings(points, triangles)
+        through = [limbs_through(*rings.ring(level), skeleton.curves) for level in range(rings.count)]
+        if not any(_fits(limbs, each) for each in through):
+            found.append(Misplaced(opening, limbs, through[-1]))
+    return found
+
+
+def _fits(wanted: Limbs, found: Limbs) -> bool:
+    """Whether these limbs pass, or all others. A face may stay within its hood."""
+    accepted: list[Limbs] = [wanted, ()] if wanted == (HEAD,) else [wanted]
+    return any(found in (limbs, tuple(n for n in range(len(LIMBS)) if n not in limbs)) for limbs in accepted)
+
+
+def limbs_through(start: Points, end: Points, curves: Sequence[Points]) -> Limbs:
+    """The limbs whose curves cross the cone over a ring of segments, ``start`` to ``end`` [m], an odd number of times.
+
+    ``start``, ``end``: shape [S, 3].
+    """
+    if len(start) < 3:
+        return ()
+    corners = np.stack([np.broadcast_to(start.mean(axis=0), start.shape), start, end], axis=1)
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    found = []
+    for number, curve in enumerate(curves):
+        a, b = curve[:-1], curve[1:]
+        near = ((np.maximum(a, b) >= low) & (np.minimum(a, b) <= high)).all(axis=1)
+        if int(crossings(a[near], b[near], corners).sum()) % 2:
+            found.append(number)
+    return tuple(found)
+
+
+def curve_crossings(points: Points, triangles: Indices, curve: Points) -> int:
+    """How often a curve, shape [N, 3], passes through the triangles of a garment [m]."""
+    corners = points[triangles]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    count = 0
+    for first in range(0, len(curve) - 1, BLOCK):
+        part = curve[first : first + BLOCK + 1]
+        near = ((part.max(axis=0) >= low) & (part.min(axis=0) <= high)).all(axis=1)
+        count += int(crossings(part[:-1], part[1:], corners[near]).sum())
+    return count
+
+
+def crossings(start: Points, end: Points, corners: Points) -> NDArray[np.bool_]:
+    """Whether segments, shape [S, 3], pass through triangles, shape [F, 3, 3], by the signs of volumes; [S, F]."""
+    along = (end - start)[:, None]
+    from_start = corners[None] - start[:, None, None]
+    x, y, z = (from_start[:, :, corner] for corner in range(3))
+    volumes = np.stack([(np.cross(p, q) * along).sum(axis=2) for p, q in ((x, y), (y, z), (z, x))])
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    before = -np.einsum("sfk,fk->sf", x, normal)
+    after = np.einsum("sfk,fk->sf", end[:, None] - corners[None, :, 0], normal)
+    return np.asarray((before * after < 0.0) & ((volumes > 0.0).all(axis=0) | (volumes < 0.0).all(axis=0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Wearing:
+    """A garment's openings on a body: which limbs they are for."""
+
+    openings: tuple[Opening, ...]
+    limbs: tuple[Limbs, ...]
+    triangles: Indices
+    skeleton: Skeleton
+
+    @classmethod
+    def of(cls, openings: tuple[Opening, ...], points: Points, triangles: Indices, skeleton: Skeleton) -> Wearing:
+        """``points`` are those that the garment starts at [m]."""
+        return cls(openings, tuple(limbs_for(openings, points, skeleton)), triangles, skeleton)
+
+    def misplaced(self, points: Points) -> list[Misplaced]:
+        """The openings that the wrong limbs pass through, with the garment at ``points`` [m]."""
+        return misplaced_openings(self.openings, self.limbs, points, self.triangles, self.skeleton)
+
+    def shift(self, points: Points) -> Points:
+        """What moves a garment at ``points`` [m] onto the body that it starts beside [m], shape [3]; else 0.
+
+        Sideways and along, so that the trunk passes through the middle of its openings; up and down only where sleeves
+        are far from the shoulders, since where trousers or a dress begin is their designer's choice.
+        """
+        skeleton = self.skeleton
+        wrong = {id(each.opening) for each in self.misplaced(points)}
+        pairs = list(zip(self.openings, self.limbs, strict=True))
+        trunk = [opening for opening, limbs in pairs if len(limbs) > 1 or limbs == (HEAD,)]
+        if not any(id(opening) in wrong for opening in trunk):
+            return np.zeros(3)
+        centres = np.array([points[opening.loop].mean(axis=0) for opening in trunk])
+        off = (skeleton.spine_at(centres) - centres).mean(axis=0)
+        shift: Points = off - skeleton.up * (off @ skeleton.up)
+        sleeves = [points[opening.loop].mean(axis=0) for opening, limbs in pairs if limbs in ((ARMS[0],), (ARMS[1],))]
+        if sleeves:
+            up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)
+            shift = shift + skeleton.up * (up if abs(up) > FAR_SLEEVE else 0.0)
+        return shift
+
+    def pierced(self, points: Points) -> Limbs:
+        """The limbs that the cloth at ``points`` [m] runs through the middle of."""
+        counts = [curve_crossings(points, self.triangles, curve) for curve in self.skeleton.curves]
+        return tuple(number for number, count in enumerate(counts) if count)

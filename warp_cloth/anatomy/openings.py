@@ -1,0 +1,93 @@
+"""The openings of a garment from its mesh alone, as rings of cloth, and which limb each is for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, LevelLines, level_lines
+from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, Skeleton
+from warp_cloth.base.mesh import Indices, Points
+from warp_cloth.base.topology import Topology
+
+NARROWEST = 0.09  # [m]; the girth of a child's cuff. A shorter loop is a buttonhole
+RINGS = 4  # of cloth behind an opening, where the cloth is a tube: a hand may end within a sleeve
+LATERAL = 0.045  # of the body's span, from its middle: an opening farther off is for one limb
+BESIDE = 0.15  # of the body's span: a garment whose middle is farther to one side is beside the body
+
+LEGS, ARMS = (RIGHT_LEG, LEFT_LEG), (RIGHT_ARM, LEFT_ARM)
+Limbs = tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Opening:
+    """A boundary loop of a garment that a limb fits through."""
+
+    loop: Indices  # vertices in order, shape [N]
+    girth: float  # at rest [m]
+    distances: Floats  # of the garment's vertices from it, in the cloth [m], shape [V]
+    depth: float  # distance up to which the cloth behind it is a tube [m]
+
+    def rings(self, points: Points, triangles: Indices) -> LevelLines:
+        """Rings of cloth at growing distances from the opening, the opening itself first; ``points`` [m]."""
+        levels = np.concatenate([[1e-4], np.linspace(0.0, 0.95 * max(self.depth, 2e-3), RINGS)[1:]])
+        return level_lines(points, triangles, self.distances, levels)
+
+
+def openings_of(topology: Topology, triangles: Indices, lengths: Floats, vertex_count: int) -> tuple[Opening, ...]:
+    """The openings of a garment with these edge lengths at rest [m], the largest first; a sheet's edge is none."""
+    a, b = topology.edges.T
+    length_of = dict(zip(zip(a.tolist(), b.tolist(), strict=True), lengths.tolist(), strict=True))
+    loops = []
+    for loop in topology.boundary_loops:
+        pairs = zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)
+        girth = sum(length_of.get((min(pair), max(pair)), 0.0) for pair in pairs)
+        if girth > NARROWEST:
+            loops.append((loop, girth))
+    if len(loops) < 2:
+        return ()
+    graph = EdgeGraph(topology.edges, lengths, vertex_count)
+    distances = np.stack([graph.distances(loop) for loop, _ in loops])
+    nearest = distances.argmin(axis=0)
+    openings = []
+    for number, (loop, girth) in enumerate(loops):
+        own = distances[number]
+        leaves = (nearest[a] == number) != (nearest[b] == number)
+        depth = np.minimum(own[a], own[b])[leaves].min() if leaves.any() else 0.0
+        openings.append(Opening(loop, girth, own, float(depth)))
+    return tuple(sorted(openings, key=lambda opening: -opening.girth))
+
+
+def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -> list[Limbs]:
+    """Which limbs each opening is for, by where it lies on the body; ``points``: the garment's as it starts [m].
+
+    Of openings on one side the lower of two is for the leg; a single one is for the leg if nothing opens below it in
+    the middle. In the middle, the highest opening above sleeves is for the head; others are for both legs, but a cape,
+    which opens above the shoulders and has no sleeves, hangs from the head's opening alone.
+    """
+    centres = np.array([points[opening.loop].mean(axis=0) for opening in openings]) - skeleton.middle
+    across, up = centres @ skeleton.left, centres @ skeleton.up
+    sideways = (points - skeleton.middle) @ skeleton.left
+    aside = 0.5 * float(sideways.min() + sideways.max())
+    if abs(aside) > BESIDE * skeleton.span:
+        across = across - aside
+    in_middle = [n for n in range(len(openings)) if abs(across[n]) <= LATERAL * skeleton.span]
+    found: dict[int, Limbs] = {}
+    for side, arm, leg in ((-1.0, RIGHT_ARM, RIGHT_LEG), (1.0, LEFT_ARM, LEFT_LEG)):
+        beside = [n for n in range(len(openings)) if n not in in_middle and side * across[n] > 0.0]
+        beside.sort(key=lambda n: -up[n])
+        if len(beside) > 1:
+            found |= {beside[0]: (arm,), beside[-1]: (leg,)}
+        elif beside:
+            below = any(up[n] < up[beside[0]] for n in in_middle)
+            found[beside[0]] = (arm,) if below else (leg,)
+    sleeves = {limbs[0] for limbs in found.values()} & set(ARMS)
+    in_middle.sort(key=lambda n: -up[n])
+    shoulders = float((skeleton.shoulders - skeleton.middle) @ skeleton.up)
+    is_cape = not found and len(in_middle) > 0 and up[in_middle[0]] > shoulders
+    for place, number in enumerate(in_middle):
+        for_head = place == 0 and sleeves
+        found[number] = (HEAD,) if is_cape else (HEAD, *sorted(set(ARMS) - sleeves)) if for_head else LEGS
+    return [found.get(number, ()) for number in range(len(openings))]

@@ -1,0 +1,224 @@
+"""The skeleton of a body from its mesh alone: curves from the middle of the trunk to head, hands and feet.
+
+Distances along the surface hardly change with the pose, so the same figures tell limbs standing, sitting or with arms
+up. All lengths are fractions of the span, the longest distance along the surface between two tips (hand to foot).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines
+from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.base.topology import build_topology
+
+LIMBS = ("head", "right arm", "left arm", "right leg", "left leg")
+HEAD, RIGHT_ARM, LEFT_ARM, RIGHT_LEG, LEFT_LEG = range(5)
+TRUNK = 5
+
+STEP = 0.005  # of the span, between level lines
+# The fifth tip lies so far from the others at least, and the sixth is nearer by this factor: 0.4 and 0.65 in people.
+FIFTH, SIXTH = 0.3, 0.85
+REACH = 0.3  # of the span, around a tip: the area tells a head with its shoulders from a leg, and that from an arm
+HEAD_AREA, LEG_AREA = 1.6, 1.1  # least ratios of those areas: 2.1 and 1.35 in people of any age, weight and pose
+NECK = (0.08, 0.17)  # of the span, from the crown, between which the neck is narrowest
+WRIST, ARM = 0.13, 0.45  # of the span, from the fingertips, between which an arm ends
+WIDENS = 1.8  # girth per length of an arm where it joins the trunk; a heavy upper arm has 0.6
+ANKLE = 0.11  # of the span, from the toes
+SLICES = 24  # of the trunk, from hips to neck
+MIDDLE_SLICE = 8  # the waist
+ENDS = 3  # slices at either end of the trunk that are a shoulder's, or a thigh's
+SMALLEST_SPAN = 0.3  # [m]; a doll's
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """Where a body's limbs are. The order of limbs is that of LIMBS; right and left are the wearer's."""
+
+    curves: tuple[Points, ...]  # of each limb, from the middle of the trunk to the tip [m], each shape [N, 3]
+    joints: tuple[int, ...]  # the point of each curve at which the limb leaves the trunk
+    spine: Points  # from the hips to the neck [m], shape [N, 3]
+    up: Points  # unit vectors, shape [3]
+    forward: Points
+    left: Points
+    span: float  # [m]
+    limb: NDArray[np.int8]  # number of each vertex's limb, or TRUNK, shape [V]
+    station: Floats  # where it is along its limb's curve, 0 to 1, shape [V]
+
+    @property
+    def middle(self) -> Points:
+        """The start of all curves [m], shape [3]."""
+        middle: Points = self.curves[0][0]
+        return middle
+
+    @property
+    def shoulders(self) -> Points:
+        """The middle between the arms, within the trunk [m], shape [3]."""
+        shoulders: Points = self.spine[-ENDS]
+        return shoulders
+
+    def spine_at(self, points: Points) -> Points:
+        """The points of the spine at the heights of ``points`` [m], shape [V, 3]."""
+        heights = (self.spine - self.spine[0]) @ self.up
+        order = np.argsort(heights, kind="stable")
+        height = (points - self.spine[0]) @ self.up
+        return np.stack([np.interp(height, heights[order], self.spine[order, axis]) for axis in range(3)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Limb:
+    """A limb, from its tip inwards."""
+
+    distances: Floats  # of all vertices from the tip along the surface [m], shape [V]
+    levels: Floats  # distances at which it is cut [m], shape [N]
+    centres: Points  # of these cuts [m], shape [N, 3]
+
+    @property
+    def end(self) -> float:
+        """Distance from the tip at which the limb joins the trunk [m]."""
+        return float(self.levels[-1])
+
+    @property
+    def root(self) -> Points:
+        root: Points = self.centres[-1]
+        return root
+
+
+def skeleton_of(body: Mesh) -> Skeleton | None:
+    """The skeleton of a person's body; None where the mesh has not a head, two arms and two legs.
+
+    ``body`` may have further components, such as eyes; small holes do not matter.
+    """
+    points = body.points
+    edges = build_topology(body.triangles, len(points)).edges
+    graph = EdgeGraph(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1), len(points))
+    area = _vertex_areas(points, body.triangles)
+    component = graph.components()
+    main = component == np.bincount(component, area).argmax()
+    found = _tips(points, graph, area, main)
+    if found is None:
+        return None
+    tips, distances, span = found
+    triangles = body.triangles[main[body.triangles].all(axis=1)]
+    limbs = [
+        _limb(number, points, triangles, of_tip, span, float(distances[RIGHT_LEG][tips[LEFT_LEG]]))
+        for number, of_tip in enumerate(distances)
+    ]
+    return _joined(points, triangles, main, tips, limbs, span)
+
+
+def _vertex_areas(points: Points, triangles: Indices) -> Floats:
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
+    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
+    return np.asarray(np.bincount(triangles.ravel(), np.repeat(third, 3), len(points)), dtype=np.float64)
+
+
+def _tips(
+    points: Points, graph: EdgeGraph, area: Floats, main: NDArray[np.bool_]
+) -> tuple[list[int], list[Floats], float] | None:
+    """Vertices at the tips of head, hands and feet, distances from each, and the span; None: no person."""
+    mean = np.average(points, axis=0, weights=area * main)
+    start = int(np.argmin(np.where(main, np.linalg.norm(points - mean, axis=1), np.inf)))
+    nearest = np.where(main, graph.distances(start), -1.0)
+    tips, distances, prominence = [], [], []
+    for _ in range(6):
+        tip = int(np.argmax(nearest))
+        prominence.append(float(nearest[tip]))
+        tips.append(tip)
+        distances.append(graph.distances(tip))
+        nearest = np.where(main, np.minimum(nearest, distances[-1]), -1.0)
+    span = max(float(distances[a][tips[b]]) for a in range(5) for b in range(5))
+    if span < SMALLEST_SPAN or prominence[4] < FIFTH * span or prominence[5] > SIXTH * prominence[4]:
+        return None
+    around = np.array([area[main & (each < REACH * span)].sum() for each in distances[:5]])
+    head, *others = np.argsort(-around, kind="stable").tolist()
+    if around[head] < HEAD_AREA * around[others[0]] or around[others[1]] < LEG_AREA * around[others[2]]:
+        return None
+    order = [head, *others[2:], *others[:2]]
+    return [tips[number] for number in order], [distances[number] for number in order], span
+
+
+def _limb(
+    number: int, points: Points, triangles: Indices, distances: Floats, span: float, between_feet: float
+) -> _Limb:
+    """A limb up to where it joins the trunk: at the neck, the shoulder or the crotch."""
+    end = {HEAD: NECK[1] * span, RIGHT_LEG: 0.5 * between_feet, LEFT_LEG: 0.5 * between_feet}.get(number, ARM * span)
+    step = STEP * span
+    lines = level_lines(points, triangles, distances, np.arange(0.5 * step, end, step))
+    girths, centres = lines.girths(), lines.centres()
+    last = len(girths) - 1
+    if number == HEAD:
+        first = int(NECK[0] / STEP)
+        last = first + int(np.argmin(girths[first:]))
+    elif number in (RIGHT_ARM, LEFT_ARM):
+        window = 3
+        slopes = (girths[window:] - girths[:-window]) / (window * step)
+        first = int(WRIST / STEP)
+        widens = np.flatnonzero(slopes[first:] > WIDENS)
+        last = min(first + int(widens[0]) + 1, last) if len(widens) else last
+    levels = np.asarray((np.arange(last + 1) + 0.5) * step, dtype=np.float64)
+    return _Limb(distances, levels, centres[: last + 1])
+
+
+def _joined(
+    points: Points,
+    triangles: Indices,
+    main: NDArray[np.bool_],
+    tips: list[int],
+    limbs: list[_Limb],
+    span: float,
+) -> Skeleton | None:
+    """The limbs, left and right told apart, joined by the trunk."""
+    hips, neck = 0.5 * (limbs[RIGHT_LEG].root + limbs[LEFT_LEG].root), limbs[HEAD].root
+    height = float(np.linalg.norm(neck - hips))
+    up = (neck - hips) / height
+    ankle = int(ANKLE / STEP)
+    toes = np.sum([points[tips[leg]] - limbs[leg].centres[ankle] for leg in (RIGHT_LEG, LEFT_LEG)], axis=0)
+    toes -= up * (toes @ up)
+    forward = toes / np.linalg.norm(toes)
+    left = np.cross(up, forward)
+    for right_limb in (RIGHT_ARM, RIGHT_LEG):
+        if (limbs[right_limb].root - limbs[right_limb + 1].root) @ left > 0.0:
+            limbs[right_limb : right_limb + 2] = limbs[right_limb + 1], limbs[right_limb]
+    limb = _nearest_limb(points, main, limbs)
+    heights = np.linspace(0.05, 0.97, SLICES) * height
+    trunk = triangles[(limb[triangles] == TRUNK).any(axis=1)]
+    lines = level_lines(points, trunk, np.where(limb == TRUNK, (points - hips) @ up, np.inf), heights)
+    if (lines.girths() <= 0.0).any():
+        return None
+    centres = lines.centres()
+    spine = np.vstack([hips, centres[ENDS:-ENDS], neck])
+    upper, lower = centres[MIDDLE_SLICE:-ENDS], centres[MIDDLE_SLICE : ENDS - 1 : -1]
+    trunk_parts = (upper, upper[:-1], upper[:-1], lower, lower)
+    curves = tuple(np.vstack([part, each.centres[::-1]]) for part, each in zip(trunk_parts, limbs, strict=True))
+    joints = tuple(len(part) for part in trunk_parts)
+    station = np.zeros(len(points))
+    for number, each in enumerate(limbs):
+        along = arc_lengths(curves[number])
+        own = limb == number
+        stations = along[joints[number] :][::-1] / along[-1]  # from the tip inwards, as the levels are
+        station[own] = np.interp(each.distances[own], each.levels, stations)
+    return Skeleton(curves, joints, spine, up, forward, left, span, limb, station)
+
+
+def _nearest_limb(points: Points, main: NDArray[np.bool_], limbs: list[_Limb]) -> NDArray[np.int8]:
+    """The limb of each vertex, or TRUNK; vertices of other components belong where the nearest other one does."""
+    reach = np.stack([np.where(each.distances < each.end, each.distances, np.inf) for each in limbs])
+    limb = np.where(np.isfinite(reach).any(axis=0), reach.argmin(axis=0), TRUNK).astype(np.int8)
+    apart = np.flatnonzero(~main)
+    if len(apart):
+        from scipy.spatial import cKDTree
+
+        _, nearest = cKDTree(points[main]).query(points[apart])
+        limb[apart] = limb[np.flatnonzero(main)[nearest]]
+        for each in limbs:
+            each.distances[apart] = each.distances[np.flatnonzero(main)[nearest]]
+    return limb
+
+
+def arc_lengths(curve: Points) -> Floats:
+    """Length of a curve, shape [N, 3], up to each of its points [m], shape [N]."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])

@@ -1,0 +1,118 @@
+"""The space that a garment leaves free, as a grid, and the shortest ways through it that keep clear of the cloth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.anatomy.geodesics import Floats
+from warp_cloth.base.mesh import Indices, Points
+
+CELL = 0.02  # [m]
+MARGIN = 0.25  # [m] around the garment
+NEAR = 0.06  # [m] from cloth, where a way is twice as long as it is
+MOST_CELLS = 3_000_000  # a larger garment has larger cells
+SAMPLED = 0.7  # of a cell, between samples of a triangle
+BLOCK = 1_000_000  # samples at a time
+
+
+@dataclass(frozen=True, eq=False)
+class FreeSpace:
+    """Cells around a garment, and how far each is from its cloth."""
+
+    low: Points  # lowest corner [m], shape [3]
+    cell: float  # [m]
+    clearance: Floats  # distance from the cloth [m], shape [X, Y, Z]
+
+    @classmethod
+    def around(cls, points: Points, triangles: Indices) -> FreeSpace:
+        """The space around a garment at ``points`` [m], shape [V, 3]."""
+        from scipy.ndimage import distance_transform_edt
+
+        low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+        cell = max(CELL, float(np.cbrt(np.prod(high - low) / MOST_CELLS)))
+        shape = np.ceil((high - low) / cell).astype(np.int64) + 1
+        filled = np.zeros(shape, dtype=bool)
+        corners = points[triangles]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        divisions = np.maximum(np.ceil(longest / (SAMPLED * cell)).astype(np.int64), 1)
+        for count in np.unique(divisions).tolist():
+            weights = _weights(count)
+            own = corners[divisions == count]
+            for part in np.array_split(own, max(1, len(own) * len(weights) // BLOCK)):
+                samples = np.einsum("sk,fkx->fsx", weights, part).reshape(-1, 3)
+                filled[tuple(np.floor((samples - low) / cell).astype(np.int64).T)] = True
+        return cls(low, cell, np.asarray(distance_transform_edt(~filled), dtype=np.float64) * cell)
+
+    def clearances(self, points: Points) -> Floats:
+        """Distance from the cloth [m] at ``points`` [m], shape [N, 3]; infinite beyond the grid."""
+        cells = np.floor((points - self.low) / self.cell).astype(np.int64)
+        inside = ((cells >= 0) & (cells < self.clearance.shape)).all(axis=1)
+        found = np.full(len(points), np.inf)
+        found[inside] = self.clearance[tuple(cells[inside].T)]
+        return found
+
+    def clearest(self, point: Points, reach: float) -> Points:
+        """The middle of the clearest cell within ``reach`` of a point along each axis [m], shape [3]."""
+        shape = np.array(self.clearance.shape)
+        centre = np.clip(np.floor((point - self.low) / self.cell).astype(np.int64), 0, shape - 1)
+        steps = int(np.ceil(reach / self.cell))
+        first, last = np.maximum(centre - steps, 0), np.minimum(centre + steps + 1, shape)
+        block = self.clearance[tuple(slice(*span) for span in zip(first, last, strict=True))]
+        found: Points = self.low + (np.array(np.unravel_index(np.argmax(block), block.shape)) + first + 0.5) * self.cell
+        return found
+
+    def paths(self, start: Points, ends: Sequence[Points]) -> list[Points | None]:
+        """The best way from ``start`` to each of ``ends`` [m], each shape [N, 3]; None: cloth lies between."""
+        from scipy.sparse.csgraph import dijkstra
+
+        source = self._number(start)
+        distance, before = dijkstra(self._graph, directed=False, indices=source, return_predecessors=True)
+        found: list[Points | None] = []
+        for end in ends:
+            way = [self._number(end)]
+            if not np.isfinite(distance[way[0]]):
+                found.append(None)
+                continue
+            while before[way[-1]] >= 0:
+                way.append(int(before[way[-1]]))
+            cells = np.column_stack(np.unravel_index(way[::-1], self.clearance.shape))
+            found.append(self.low + (cells + 0.5) * self.cell)
+        return found
+
+    def _number(self, point: Points) -> int:
+        cell = np.floor((point - self.low) / self.cell).astype(np.int64)
+        return int(np.ravel_multi_index(np.clip(cell, 0, np.array(self.clearance.shape) - 1), self.clearance.shape))
+
+    @cached_property
+    def _graph(self) -> Any:
+        """Free cells and their 26 neighbours; a way through a cell at distance d from cloth costs 1 + (NEAR / d)^2."""
+        from scipy.sparse import coo_matrix
+
+        shape = self.clearance.shape
+        free = self.clearance > 0.0
+        cost = 1.0 + (NEAR / np.maximum(self.clearance, self.cell)) ** 2
+        number = np.arange(free.size).reshape(shape)
+        starts, ends, lengths = [], [], []
+        for step in (np.array(index) - 1 for index in np.ndindex(3, 3, 3) if index > (1, 1, 1)):
+            here = tuple(slice(max(0, -s), n - max(0, s)) for s, n in zip(step, shape, strict=True))
+            there = tuple(slice(max(0, s), n - max(0, -s)) for s, n in zip(step, shape, strict=True))
+            both = free[here] & free[there]
+            starts.append(number[here][both])
+            ends.append(number[there][both])
+            lengths.append(0.5 * float(np.linalg.norm(step)) * self.cell * (cost[here][both] + cost[there][both]))
+        entries = np.concatenate(lengths), (np.concatenate(starts), np.concatenate(ends))
+        return coo_matrix(entries, shape=(free.size, free.size)).tocsr()
+
+
+def _weights(count: int) -> NDArray[np.float64]:
+    """Barycentric weights of samples that divide each side of a triangle into ``count``, shape [S, 3]."""
+    i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij")
+    within = i + j <= count
+    u, v = i[within] / count, j[within] / count
+    return np.stack([1.0 - u - v, u, v], axis=1)

@@ -1,0 +1,110 @@
+"""A body's surface along other curves than its own, and thinner: from in a garment to home, in steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.anatomy.geodesics import Floats
+from warp_cloth.anatomy.openings import ARMS, LEGS
+from warp_cloth.anatomy.skeleton import TRUNK, Skeleton, arc_lengths
+from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.dressing.routes import resampled, smoothed
+
+STATIONS = 60  # along each curve
+SMOOTHING = 3  # times that tangents are smoothed
+ROOT = 20  # points along the part of a limb's curve that leads from the spine to its joint
+
+
+class PosedBody:
+    """A body whose vertices follow the curves of their limbs."""
+
+    def __init__(self, body: Mesh, skeleton: Skeleton) -> None:
+        self._skeleton = skeleton
+        self.home = [resampled(smoothed(curve, 2), STATIONS) for curve in skeleton.curves]
+        self._tangents = [_tangents(curve) for curve in self.home]
+        limb, self._station = self._with_roots(body.points)
+        self._of_limb = [np.flatnonzero(limb == number) for number in range(TRUNK)]
+        self._base = skeleton.spine_at(body.points)  # the point that each vertex is thinned towards
+        for curve, own in zip(self.home, self._of_limb, strict=True):
+            self._base[own] = _at(curve, self._station[own])
+        self._offset = body.points - self._base
+
+    def _with_roots(self, points: Points) -> tuple[NDArray[np.int8], Floats]:
+        """Limb and station of each vertex, where shoulders and hips belong to their limbs.
+
+        A thin trunk without shoulders would let a garment slide down.
+        """
+        skeleton = self._skeleton
+        limb, station = skeleton.limb.copy(), skeleton.station.copy()
+        trunk = np.flatnonzero(limb == TRUNK)
+        nearest = np.linalg.norm(points[trunk] - skeleton.spine_at(points[trunk]), axis=1)
+        for number in (*ARMS, *LEGS):
+            joint, lengths = skeleton.joints[number], arc_lengths(skeleton.curves[number])
+            first_point, last_point = skeleton.curves[number][joint - 1 : joint + 1]
+            root = np.linspace(first_point, last_point, ROOT)
+            away = np.linalg.norm(points[trunk][:, None] - root, axis=2)
+            closer = away.min(axis=1) < nearest
+            nearest = np.where(closer, away.min(axis=1), nearest)
+            limb[trunk[closer]] = number
+            first, last = lengths[joint - 1 : joint + 1] / lengths[-1]
+            station[trunk[closer]] = first + (last - first) * away.argmin(axis=1)[closer] / (ROOT - 1)
+        return limb, station
+
+    def points(self, curves: Sequence[Points], thickness: float) -> Points:
+        """The vertices along these curves, at most ``thickness`` off them [m], shape [V, 3]."""
+        base, offset = self._base.copy(), self._offset.copy()
+        for number, (curve, own) in enumerate(zip(curves, self._of_limb, strict=True)):
+            station = self._station[own]
+            base[own] = _at(curve, station)
+            offset[own] = _rotated(offset[own], _at(self._tangents[number], station), _at(_tangents(curve), station))
+        length = np.linalg.norm(offset, axis=1, keepdims=True)
+        found: Points = base + offset * np.minimum(1.0, thickness / np.maximum(length, 1e-9))
+        return found
+
+    def between(self, curves: Sequence[Points], fraction: float) -> list[Points]:
+        """The curves between home, 0, and these, 1: directions and lengths of their segments in between."""
+        return [_between(home, curve, fraction) for home, curve in zip(self.home, curves, strict=True)]
+
+
+def _between(home: Points, posed: Points, fraction: float) -> Points:
+    if fraction <= 0.0:
+        return home
+    first, last = np.diff(home, axis=0), np.diff(posed, axis=0)
+    first_length, last_length = (np.linalg.norm(each, axis=1, keepdims=True) for each in (first, last))
+    a, b = first / np.maximum(first_length, 1e-9), last / np.maximum(last_length, 1e-9)
+    angle = np.arccos(np.clip((a * b).sum(axis=1, keepdims=True), -1.0, 1.0))
+    sine = np.sin(angle)
+    is_small = sine < 1e-4
+    safe = np.where(is_small, 1.0, sine)
+    turned = (np.sin((1.0 - fraction) * angle) * a + np.sin(fraction * angle) * b) / safe
+    direction = np.where(is_small, (1.0 - fraction) * a + fraction * b, turned)
+    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
+    start = (1.0 - fraction) * home[0] + fraction * posed[0]
+    segments = direction * ((1.0 - fraction) * first_length + fraction * last_length)
+    return np.vstack([start, start + np.cumsum(segments, axis=0)])
+
+
+def _at(curve: Points, station: Floats) -> Points:
+    """Interpolated rows of an array over a curve's stations, 0 to 1."""
+    stations = np.linspace(0.0, 1.0, len(curve))
+    return np.stack([np.interp(station, stations, curve[:, axis]) for axis in range(3)], axis=1)
+
+
+def _tangents(curve: Points) -> Points:
+    """Unit tangents at the points of a curve, shape [N, 3]."""
+    tangents = smoothed(np.gradient(curve, axis=0), SMOOTHING)
+    unit: Points = tangents / np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-9)
+    return unit
+
+
+def _rotated(vectors: Points, before: Points, after: Points) -> Points:
+    """Vectors turned by the smallest rotation that takes one direction to another, row by row (Rodrigues' formula)."""
+    a, b = (each / np.maximum(np.linalg.norm(each, axis=1, keepdims=True), 1e-9) for each in (before, after))
+    cosine = (a * b).sum(axis=1, keepdims=True)
+    axis = np.cross(a, b)  # of the length of the sine
+    along = axis * (axis * vectors).sum(axis=1, keepdims=True) / np.maximum(1.0 + cosine, 1e-3)
+    turned: Points = vectors * cosine + np.cross(axis, vectors) + along
+    return turned

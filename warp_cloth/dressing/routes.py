@@ -1,0 +1,135 @@
+"""Where each limb goes in a garment as it starts: from the trunk through its opening, and out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_cloth.anatomy.linking import Wearing
+from warp_cloth.anatomy.openings import ARMS, LEGS
+from warp_cloth.anatomy.skeleton import LEFT_ARM, LIMBS, Skeleton, arc_lengths
+from warp_cloth.base.mesh import Points
+from warp_cloth.dressing.free_space import FreeSpace
+
+OUT = 0.12  # [m] that a limb reaches out of its opening at least, stretched if need be
+INSIDE, ACROSS = 0.06, 0.03  # [m] from the trunk's middle, and an opening's, where a way may begin and end
+CLEAR = 0.12  # [m] between an arm out of its sleeve and other cloth, if it can be had by turning it up
+TURNS = np.radians(np.arange(0.0, 181.0, 10.0))
+SIDEWAYS = 0.3  # least sideways part of the direction in which an arm leaves its sleeve
+STRAIGHT = 0.5  # least cosine between down and the end of a way, at which a leg goes on along it
+SPACING = 0.02  # [m] between points of a curve
+SMOOTHING = 6  # times that a way over cells is smoothed
+TAIL = 0.1  # [m] of a way's end that tells where it points
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """A limb's curve in a garment, as the skeleton has it at home."""
+
+    curve: Points  # from the trunk to the tip [m], shape [N, 3]
+    turned: float  # how far an arm had to be turned up to keep clear of cloth [degrees]
+
+
+def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
+    """A route for each limb in a garment that starts at ``points`` [m]; None: the limb stays as it is.
+
+    A limb with an opening of its own goes through it, by the way that keeps clearest of cloth; an arm without one is
+    turned up until it is clear of all cloth.
+    """
+    skeleton = wearing.skeleton
+    space = FreeSpace.around(points, wearing.triangles)
+    routes: list[Route | None] = [None] * len(LIMBS)
+    for limbs, middle in ((ARMS, skeleton.shoulders), (LEGS, skeleton.middle)):
+        pairs = zip(wearing.openings, wearing.limbs, strict=True)
+        own = [(each[0], opening) for opening, each in pairs if len(each) == 1 and each[0] in limbs]
+        if not own:
+            continue
+        ends = [space.clearest(points[opening.loop].mean(axis=0), ACROSS) for _, opening in own]
+        ways = space.paths(space.clearest(middle, INSIDE), ends)
+        for (limb, _), way in zip(own, ways, strict=True):
+            if way is not None:
+                routes[limb] = _through(way, limb, skeleton, space)
+    for arm in ARMS:
+        if routes[arm] is None:
+            routes[arm] = _raised(arm, skeleton, space)
+    return routes
+
+
+def _through(way: Points, limb: int, skeleton: Skeleton, space: FreeSpace) -> Route:
+    """The way to an opening, and straight on."""
+    way = smoothed(way, SMOOTHING)
+    if limb in ARMS:  # their ways begin where they leave the spine
+        way = np.vstack([skeleton.curves[limb][: skeleton.joints[limb]], way])
+    lengths = arc_lengths(way)
+    direction = way[-1] - way[np.searchsorted(lengths, max(lengths[-1] - TAIL, 0.0))]
+    direction = direction / max(float(np.linalg.norm(direction)), 1e-9)
+    remains = max(float(arc_lengths(skeleton.curves[limb])[-1] - lengths[-1]), OUT)
+    turned = 0.0
+    if limb in ARMS:
+        direction, turned = _turned_up(way[-1], direction, remains, limb, skeleton, space)
+    elif direction @ -skeleton.up < STRAIGHT:
+        direction = -skeleton.up
+    return Route(smoothed(_onward(way, direction, remains), SMOOTHING), turned)
+
+
+def _raised(arm: int, skeleton: Skeleton, space: FreeSpace) -> Route | None:
+    """An arm without a sleeve, turned up at the shoulder; None: it is clear of cloth as it is."""
+    curve, joint = skeleton.curves[arm], skeleton.joints[arm]
+    if space.clearances(curve[joint:]).min() > CLEAR:
+        return None
+    length = float(arc_lengths(curve[joint:])[-1])
+    direction, turned = _turned_up(curve[joint], curve[-1] - curve[joint], length, arm, skeleton, space)
+    return Route(smoothed(_onward(curve[: joint + 1], direction, length), SMOOTHING), turned)
+
+
+def _onward(curve: Points, direction: Points, length: float) -> Points:
+    steps = np.linspace(0.0, length, max(int(length / SPACING), 2) + 1)[1:]
+    return np.vstack([curve, curve[-1] + steps[:, None] * direction])
+
+
+def _turned_up(
+    start: Points, direction: Points, length: float, arm: int, skeleton: Skeleton, space: FreeSpace
+) -> tuple[Points, float]:
+    """A direction for an arm from ``start``, turned up as little as keeps it clear of cloth, and that angle [degrees].
+
+    The arm stays in the body's own plane; where no angle keeps it CLEAR, the clearest is taken.
+    """
+    outward = skeleton.left if arm == LEFT_ARM else -skeleton.left
+    flat = direction - skeleton.forward * (direction @ skeleton.forward)
+    flat = flat / max(float(np.linalg.norm(flat)), 1e-9)
+    flat = flat + outward * max(SIDEWAYS - float(flat @ outward), 0.0)
+    begin = float(np.arctan2(flat @ skeleton.up, flat @ outward))
+    steps = np.arange(SPACING, length, SPACING)[:, None]
+    best, clearest, turned = flat, -1.0, 0.0
+    for turn in TURNS[begin + TURNS <= np.pi]:
+        angle = begin + turn
+        each = np.cos(angle) * outward + np.sin(angle) * skeleton.up
+        clearance = float(space.clearances(start + steps * each)[2:].min(initial=np.inf))
+        if clearance > clearest:
+            best, clearest, turned = each, clearance, float(np.degrees(turn))
+        if clearance > CLEAR:
+            break
+    return best, turned
+
+
+def smoothed(curve: Points, times: int) -> Points:
+    """A curve, shape [N, 3], each of whose points goes half-way to the mean of its neighbours, ``times`` times."""
+    curve = curve.copy()
+    for _ in range(times):
+        curve[1:-1] = 0.25 * curve[:-2] + 0.5 * curve[1:-1] + 0.25 * curve[2:]
+    return curve
+
+
+def resampled(curve: Points, count: int) -> Points:
+    """``count`` points at equal distances along a curve, shape [count, 3]."""
+    lengths = arc_lengths(curve)
+    at = np.linspace(0.0, lengths[-1], count)
+    return np.stack([np.interp(at, lengths, curve[:, axis]) for axis in range(3)], axis=1)
+
+
+def curves_of(routes: Sequence[Route | None], skeleton: Skeleton, count: int) -> list[Points]:
+    """The curve of each limb, along its route or at home [m], each shape [count, 3]."""
+    pairs = zip(routes, skeleton.curves, strict=True)
+    return [resampled(home if route is None else route.curve, count) for route, home in pairs]
