@@ -131,7 +131,8 @@ def problem_kind(scene: Scene, outfit: Outfit) -> tuple[Any, ...]:
     contact = contact_kind(decided, outfit)
     is_alone = decided.collision.cloth or outfit.poses or attempt.posed or solver.method == "multilevel"
     identity = id(scene) if is_alone else 0
-    return solver.method, solver.start, solver.precision, contact, identity, terms_of(outfit.garments)
+    is_dressed = solver.start == "dressed"
+    return solver.method, is_dressed, solver.precision, contact, identity, terms_of(outfit.garments)
 
 
 def load_problem(
