@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,8 +26,9 @@ def tshirt() -> Outfit:
 
 @pytest.fixture(scope="module")
 def skeleton(tshirt: Outfit) -> Skeleton:
-    assert tshirt.skeleton is not None
-    return tshirt.skeleton
+    (wearing,) = tshirt.wearing
+    assert wearing is not None
+    return wearing.skeleton
 
 
 def wall(hole: float) -> tuple[np.ndarray, np.ndarray]:
@@ -66,9 +69,7 @@ def test_arms_leave_by_the_sleeves(tshirt: Outfit, skeleton: Skeleton) -> None:
     routes = limb_routes(wearing, garment.points)
     assert [limb for limb, route in enumerate(routes) if route is not None] == [RIGHT_ARM, LEFT_ARM]
     curves = curves_of(routes, skeleton, STATIONS)
-    posed = type(wearing)(
-        wearing.openings, wearing.limbs, wearing.triangles, Skeleton(**{**vars(skeleton), "curves": tuple(curves)})
-    )
+    posed = replace(wearing, skeleton=replace(skeleton, curves=tuple(curves)))
     assert not posed.misplaced(garment.points)
     assert not posed.pierced(garment.points)
 

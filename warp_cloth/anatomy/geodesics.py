@@ -31,12 +31,6 @@ class EdgeGraph:
         found = dijkstra(self._matrix, directed=False, indices=np.atleast_1d(sources), min_only=True)
         return np.asarray(found, dtype=np.float64)
 
-    def components(self) -> NDArray[np.int32]:
-        """Number of each vertex's connected component, shape [V]."""
-        from scipy.sparse.csgraph import connected_components
-
-        return np.asarray(connected_components(self._matrix, directed=False)[1], dtype=np.int32)
-
 
 @dataclass(frozen=True, eq=False)
 class LevelLines:

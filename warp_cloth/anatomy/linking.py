@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,11 +101,21 @@ class Wearing:
     limbs: tuple[Limbs, ...]
     triangles: Indices
     skeleton: Skeleton
+    start: Points  # where the garment starts [m], shape [V, 3]
 
     @classmethod
     def of(cls, openings: tuple[Opening, ...], points: Points, triangles: Indices, skeleton: Skeleton) -> Wearing:
         """``points`` are those that the garment starts at [m]."""
-        return cls(openings, tuple(limbs_for(openings, points, skeleton)), triangles, skeleton)
+        return cls(openings, tuple(limbs_for(openings, points, skeleton)), triangles, skeleton, points)
+
+    @cached_property
+    def start_fault(self) -> str:
+        """Why the garment cannot be sewn where it starts, with a limb through the wrong opening; empty: it can."""
+        if pierced := self.pierced(self.start):
+            return f"cloth starts on both sides of the {LIMBS[pierced[0]]}"
+        if misplaced := self.misplaced(self.start):
+            return f"an opening starts beside the {LIMBS[misplaced[0].wanted[0]]}"
+        return ""
 
     def misplaced(self, points: Points) -> list[Misplaced]:
         """The openings that the wrong limbs pass through, with the garment at ``points`` [m]."""

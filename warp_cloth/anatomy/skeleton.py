@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines
+from warp_cloth.base.connected import connected_components
+from warp_cloth.base.curves import arc_lengths
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.topology import build_topology
 
@@ -96,7 +98,7 @@ def skeleton_of(body: Mesh) -> Skeleton | None:
     edges = build_topology(body.triangles, len(points)).edges
     graph = EdgeGraph(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1), len(points))
     area = _vertex_areas(points, body.triangles)
-    component = graph.components()
+    component = connected_components(len(points), edges[:, 0], edges[:, 1])
     main = component == np.bincount(component, area).argmax()
     found = _tips(points, graph, area, main)
     if found is None:
@@ -217,8 +219,3 @@ def _nearest_limb(points: Points, main: NDArray[np.bool_], limbs: list[_Limb]) -
         for each in limbs:
             each.distances[apart] = each.distances[np.flatnonzero(main)[nearest]]
     return limb
-
-
-def arc_lengths(curve: Points) -> Floats:
-    """Length of a curve, shape [N, 3], up to each of its points [m], shape [N]."""
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.openings import ARMS, LEGS
-from warp_cloth.anatomy.skeleton import TRUNK, Skeleton, arc_lengths
+from warp_cloth.anatomy.skeleton import TRUNK, Skeleton
+from warp_cloth.base.curves import arc_lengths, resampled
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.dressing.routes import resampled, smoothed
+from warp_cloth.dressing.routes import smoothed
 
 STATIONS = 60  # along each curve
 SMOOTHING = 3  # times that tangents are smoothed

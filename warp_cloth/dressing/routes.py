@@ -9,7 +9,8 @@ import numpy as np
 
 from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import ARMS, LEGS
-from warp_cloth.anatomy.skeleton import LEFT_ARM, LIMBS, Skeleton, arc_lengths
+from warp_cloth.anatomy.skeleton import LEFT_ARM, LIMBS, Skeleton
+from warp_cloth.base.curves import arc_lengths, resampled
 from warp_cloth.base.mesh import Points
 from warp_cloth.dressing.free_space import FreeSpace
 
@@ -120,13 +121,6 @@ def smoothed(curve: Points, times: int) -> Points:
     for _ in range(times):
         curve[1:-1] = 0.25 * curve[:-2] + 0.5 * curve[1:-1] + 0.25 * curve[2:]
     return curve
-
-
-def resampled(curve: Points, count: int) -> Points:
-    """``count`` points at equal distances along a curve, shape [count, 3]."""
-    lengths = arc_lengths(curve)
-    at = np.linspace(0.0, lengths[-1], count)
-    return np.stack([np.interp(at, lengths, curve[:, axis]) for axis in range(3)], axis=1)
 
 
 def curves_of(routes: Sequence[Route | None], skeleton: Skeleton, count: int) -> list[Points]:

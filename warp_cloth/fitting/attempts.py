@@ -9,6 +9,7 @@ import numpy as np
 
 from warp_cloth.anatomy.linking import Misplaced
 from warp_cloth.base.cache import Cache
+from warp_cloth.base.threads import map_in_threads
 from warp_cloth.contact.garments import GarmentCrossings, model_crossings, worn_crossings
 from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates
@@ -97,7 +98,7 @@ def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequenc
     model = problem.model
     strains = edge_strains(model)
     torn = [bool((strains[model.of_item(item, model.edge_start)] > TORN).any()) for item in range(len(outcomes))]
-    placements = [_placement(problem.loaded[item], outcome) for item, outcome in enumerate(outcomes)]
+    placements = map_in_threads(lambda item: _placement(problem.loaded[item], outcomes[item]), range(len(outcomes)))
     return [
         Run(problem, item, outcome, crossings[item], torn[item], *placements[item], levels[item])
         for item, outcome in enumerate(outcomes)

@@ -6,13 +6,13 @@ import contextlib
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import openings_of
-from warp_cloth.anatomy.skeleton import LIMBS, Skeleton, skeleton_of
+from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
@@ -44,29 +44,12 @@ class Outfit:
     avatar: Mesh | None  # in its last pose
     poses: tuple[Points, ...] = ()  # vertices of a moving avatar, first pose to last [m], each shape [V, 3]
     predrape_garments: tuple[Garment, ...] = ()  # in the fabric of the predrape; empty: garments start as placed
-    skeleton: Skeleton | None = None  # of the avatar; None: no limbs can be told, or it moves
+    wearing: tuple[Wearing | None, ...] = ()  # of each garment; None: a sheet, or on what has no limbs, or moves
 
     @property
     def starting_avatar(self) -> Mesh | None:
         """The avatar in its first pose, in which the garments start."""
         return replace(self.avatar, points=self.poses[0]) if self.avatar is not None and self.poses else self.avatar
-
-    @cached_property
-    def wearing(self) -> tuple[Wearing | None, ...]:
-        """The openings of each garment and the limbs that they are for; None: of a sheet, or on what has no limbs."""
-        return tuple(_wearing(garment, self.skeleton) for garment in self.garments)
-
-    @cached_property
-    def start_fault(self) -> str:
-        """Why the garments cannot be sewn where they start, with a limb through the wrong opening; empty: they can."""
-        for garment, wearing in zip(self.garments, self.wearing, strict=True):
-            if wearing is None or garment.rest.source.kind != "uv" or len(garment.pins):
-                continue
-            if pierced := wearing.pierced(garment.points):
-                return f"cloth starts on both sides of the {LIMBS[pierced[0]]}"
-            if misplaced := wearing.misplaced(garment.points):
-                return f"an opening starts beside the {LIMBS[misplaced[0].wanted[0]]}"
-        return ""
 
 
 class GarmentKeys(NamedTuple):
@@ -136,11 +119,8 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
         key = "posed", *avatar_recipe(scene)[0].key, _values(scene.avatar, {"poses"}), _file_stamp(*files)
         avatar, poses = cache.get(key, partial(_posed, scene.avatar, avatar))
     predraped = () if predrape_scene is None else _garments(predrape_scene, worn, cache)
-    skeleton = None
-    if avatar is not None and not poses and scene.collision.avatar != "none":
-        key = avatar_recipe(scene)[0].key
-        skeleton = cache.get(("skeleton", *key[1:]), partial(skeleton_of, avatar))
-    return Outfit(worn, garments, avatar, poses, predraped, skeleton)
+    still = avatar if not poses and scene.collision.avatar != "none" else None
+    return Outfit(worn, garments, avatar, poses, predraped, _wearing(scene, garments, still, cache))
 
 
 def garments_in(scene: Scene, meshes: Sequence[Mesh]) -> tuple[Garment, ...]:
@@ -152,12 +132,28 @@ def garments_in(scene: Scene, meshes: Sequence[Mesh]) -> tuple[Garment, ...]:
     return tuple(garments)
 
 
-def _wearing(garment: Garment, skeleton: Skeleton | None) -> Wearing | None:
-    if skeleton is None:
-        return None
+def _worn_by(garment: Garment, skeleton: Skeleton) -> Wearing | None:
     rest = garment.rest
     openings = openings_of(rest.topology, garment.triangles, rest.edge_length, len(garment.points))
     return Wearing.of(openings, garment.points, garment.triangles, skeleton) if openings else None
+
+
+def _wearing(
+    scene: Scene, garments: Sequence[Garment], avatar: Mesh | None, mesh_cache: MeshCache
+) -> tuple[Wearing | None, ...]:
+    """The openings of each garment on a body that does not move, from the cache where they are known in any fabric."""
+    if avatar is None:
+        return (None,) * len(garments)
+    body = avatar_recipe(scene)[0].key[1:]
+    skeleton = mesh_cache.get(("skeleton", *body), partial(skeleton_of, avatar))
+
+    if skeleton is None:
+        return (None,) * len(garments)
+    keys = (garment_keys(scene, index).geometry for index in range(len(garments)))
+    return tuple(
+        mesh_cache.get(("wearing", *body, *key[1:]), partial(_worn_by, garment, skeleton))
+        for key, garment in zip(keys, garments, strict=True)
+    )
 
 
 def _garments(scene: Scene, meshes: Sequence[Mesh], mesh_cache: MeshCache) -> tuple[Garment, ...]:

@@ -104,8 +104,10 @@ class Ended:
 
 def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Attempt:
     """What a scene is fitted with first; ``may_pose``: with the avatar posed, where the garments start badly on it."""
-    if may_pose and _may_pose(scene, outfit) and outfit.start_fault:
-        return _posed(scene, outfit, outfit.start_fault)
+    if may_pose and _may_pose(scene, outfit):
+        (wearing,) = outfit.wearing
+        if wearing is not None and wearing.start_fault:
+            return _posed(scene, outfit, wearing.start_fault)
     touches, why = _first_contact(scene, outfit)
     stated = scene.solver.method
     method = "accelerated" if stated == "auto" else stated

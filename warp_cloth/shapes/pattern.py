@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warp_cloth.base.cache import Cache
+from warp_cloth.base.curves import resampled
 from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.shapes.triangulate import triangulate
 
@@ -137,15 +138,6 @@ def _line(start: ArrayLike, end: ArrayLike) -> Points:
     return np.array([start, end], dtype=float)
 
 
-def _resample(curve: Points, steps: int) -> Points:
-    """Points at equal distances along a curve, shape [steps + 1, 2]."""
-    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
-    where = np.linspace(0, along[-1], steps + 1)
-    points = np.column_stack([np.interp(where, along, curve[:, axis]) for axis in range(2)])
-    points[0], points[-1] = curve[0], curve[-1]
-    return points
-
-
 def _trunk_curves(m: TshirtMeasures, is_front: bool) -> dict[str, Points]:
     """Sides of the left half of front or back, counter-clockwise from the hem's middle; y = 0 at the hem."""
     tip = np.array([m.shoulder_width / 2, m.length - m.shoulder_drop])
@@ -222,7 +214,7 @@ def _fill(name: str, curves: dict[str, Points], counts: dict[str, int], edge: fl
     start = 0
     for side, curve in curves.items():
         steps = counts.get(side) or _steps(edge, curve)
-        outline.append(_resample(curve, steps)[:-1])
+        outline.append(resampled(curve, steps + 1)[:-1])
         sides[side] = start + np.arange(steps + 1)
         start += steps
     for side in sides:

@@ -1,0 +1,20 @@
+"""Curves as rows of points."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def arc_lengths(curve: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Length of a curve, shape [N, D], up to each of its points [m], shape [N]."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+
+
+def resampled(curve: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """``count`` points at equal distances along a curve, shape [N, D], from its first to its last; shape [count, D]."""
+    along = arc_lengths(curve)
+    at = np.linspace(0.0, along[-1], count)
+    points = np.stack([np.interp(at, along, column) for column in curve.T], axis=1)
+    points[0], points[-1] = curve[0], curve[-1]
+    return points
