@@ -241,6 +241,20 @@ def test_an_interrupt_while_the_command_is_imported_is_one_line(tmp_path: Path) 
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="registers an exit handler of glibc")
+def test_a_library_that_aborts_while_the_process_ends_changes_no_status(tmp_path: Path) -> None:
+    code = (
+        "import ctypes, sys\n"
+        "sys.argv = ['warp-cloth', '--version']\n"
+        "libc = ctypes.CDLL(None)\n"
+        "libc.on_exit(libc.abort, None)\n"
+        "from warp_cloth.__main__ import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.split()[0]) == (0, "warp-cloth")
+
+
 def test_a_refused_job_file_ends_in_one_line_although_workers_are_starting(tmp_path: Path) -> None:
     (tmp_path / "jobs.csv").write_text("name,scen\na,hanging\n")
     done = command("batch", "jobs.csv", "--device", "cpu", folder=tmp_path)

@@ -1,16 +1,44 @@
 """The ``warp-cloth`` command, and ``python -m warp_cloth``."""
 
+import atexit
+import contextlib
+import os
 import sys
 
 
 def main() -> None:
     """Runs the command; an interrupt during its import also ends it with one line."""
+    end = _LastAct()
+    atexit.register(end)  # the first to be registered is the last to run
     try:
         from warp_cloth.cli.main import main as run
+
+        run()
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
-        sys.exit(130)  # as for Ctrl-C in a shell; cli.terminal.INTERRUPTED may not be imported yet
-    run()
+        end.status = 130  # as for Ctrl-C in a shell; cli.terminal.INTERRUPTED may not be imported yet
+        sys.exit(end.status)
+    except SystemExit as ended:
+        end.status = ended.code or 0
+        raise
+
+
+class _LastAct:
+    """Ends the process once threads, children and exit handlers are done, before libraries take themselves down.
+
+    Taking down Arrow's threads aborts the process at times (github.com/apache/arrow/issues/34314), after all the work.
+    """
+
+    def __init__(self) -> None:
+        self.status: object = 1  # of an error that Python prints
+
+    def __call__(self) -> None:
+        if not isinstance(self.status, int):
+            return  # a message, which Python prints
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError, AttributeError):
+                stream.flush()
+        os._exit(self.status)
 
 
 if __name__ == "__main__":
