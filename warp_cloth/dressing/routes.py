@@ -48,7 +48,7 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
         if not own:
             continue
         ends = [space.clearest(points[opening.loop].mean(axis=0), ACROSS) for _, opening in own]
-        ways = space.paths(space.clearest(middle, INSIDE), ends)
+        ways = space.paths(space.clearest(_within(middle, skeleton, space), INSIDE), ends)
         for (limb, _), way in zip(own, ways, strict=True):
             if way is not None:
                 routes[limb] = _through(way, limb, skeleton, space)
@@ -58,11 +58,24 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
     return routes
 
 
+def _within(middle: Points, skeleton: Skeleton, space: FreeSpace) -> Points:
+    """The point of the spine nearest to ``middle`` that lies within the garment; ``middle`` itself where none does.
+
+    From above a wide neckline a way would lead round the garment, and into a sleeve by its cuff.
+    """
+    spine = skeleton.spine[space.between_layers(skeleton.spine, skeleton.forward)]
+    if not len(spine):
+        return middle
+    nearest: Points = spine[np.argmin(np.linalg.norm(spine - middle, axis=1))]
+    return nearest
+
+
 def _through(way: Points, limb: int, skeleton: Skeleton, space: FreeSpace) -> Route:
     """The way to an opening, and straight on."""
     way = smoothed(way, SMOOTHING)
     if limb in ARMS:  # their ways begin where they leave the spine
-        way = np.vstack([skeleton.curves[limb][: skeleton.joints[limb]], way])
+        spine = skeleton.curves[limb][: skeleton.joints[limb]]
+        way = np.vstack([spine[(spine - way[0]) @ skeleton.up < 0.0], way])
     lengths = arc_lengths(way)
     direction = way[-1] - way[np.searchsorted(lengths, max(lengths[-1] - TAIL, 0.0))]
     direction = direction / max(float(np.linalg.norm(direction)), 1e-9)
@@ -95,7 +108,8 @@ def _turned_up(
 ) -> tuple[Points, float]:
     """A direction for an arm from ``start``, turned up as little as keeps it clear of cloth, and that angle [degrees].
 
-    The arm stays in the body's own plane; where no angle keeps it CLEAR, the clearest is taken.
+    The arm stays in the body's own plane, and as little as can be between layers of cloth that would fall on it; where
+    no angle keeps it CLEAR, the clearest is taken.
     """
     outward = skeleton.left if arm == LEFT_ARM else -skeleton.left
     flat = direction - skeleton.forward * (direction @ skeleton.forward)
@@ -103,15 +117,15 @@ def _turned_up(
     flat = flat + outward * max(SIDEWAYS - float(flat @ outward), 0.0)
     begin = float(np.arctan2(flat @ skeleton.up, flat @ outward))
     steps = np.arange(SPACING, length, SPACING)[:, None]
-    best, clearest, turned = flat, -1.0, 0.0
+    best, score, turned = flat, (-np.inf, 0.0), 0.0
     for turn in TURNS[begin + TURNS <= np.pi]:
         angle = begin + turn
         each = np.cos(angle) * outward + np.sin(angle) * skeleton.up
-        clearance = float(space.clearances(start + steps * each)[2:].min(initial=np.inf))
-        if clearance > clearest:
-            best, clearest, turned = each, clearance, float(np.degrees(turn))
-        if clearance > CLEAR:
-            break
+        along = (start + steps * each)[2:]
+        between = float(space.between_layers(along, skeleton.forward).sum())
+        clearance = float(space.clearances(along).min(initial=np.inf))
+        if (-between, min(clearance, CLEAR)) > score:
+            best, score, turned = each, (-between, min(clearance, CLEAR)), float(np.degrees(turn))
     return best, turned
 
 
