@@ -48,7 +48,7 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
         if not own:
             continue
         ends = [space.clearest(points[opening.loop].mean(axis=0), ACROSS) for _, opening in own]
-        ways = space.paths(space.clearest(_within(middle, skeleton, space), INSIDE), ends)
+        ways = space.paths(space.clearest(middle, INSIDE), ends)
         for (limb, _), way in zip(own, ways, strict=True):
             if way is not None:
                 routes[limb] = _through(way, limb, skeleton, space)
@@ -58,24 +58,11 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
     return routes
 
 
-def _within(middle: Points, skeleton: Skeleton, space: FreeSpace) -> Points:
-    """The point of the spine nearest to ``middle`` that lies within the garment; ``middle`` itself where none does.
-
-    From above a wide neckline a way would lead round the garment, and into a sleeve by its cuff.
-    """
-    spine = skeleton.spine[space.between_layers(skeleton.spine, skeleton.forward)]
-    if not len(spine):
-        return middle
-    nearest: Points = spine[np.argmin(np.linalg.norm(spine - middle, axis=1))]
-    return nearest
-
-
 def _through(way: Points, limb: int, skeleton: Skeleton, space: FreeSpace) -> Route:
     """The way to an opening, and straight on."""
     way = smoothed(way, SMOOTHING)
     if limb in ARMS:  # their ways begin where they leave the spine
-        spine = skeleton.curves[limb][: skeleton.joints[limb]]
-        way = np.vstack([spine[(spine - way[0]) @ skeleton.up < 0.0], way])
+        way = np.vstack([skeleton.curves[limb][: skeleton.joints[limb]], way])
     lengths = arc_lengths(way)
     direction = way[-1] - way[np.searchsorted(lengths, max(lengths[-1] - TAIL, 0.0))]
     direction = direction / max(float(np.linalg.norm(direction)), 1e-9)

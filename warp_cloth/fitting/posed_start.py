@@ -95,6 +95,7 @@ def _sewn_and_carried(scene: Scene, outfit: Outfit, device: str) -> _PosedStart:
     dressing.sew()
     if dressing.hangs_from_waist:
         dressing.lift()
+    if dressing.is_skirt:
         dressing.carry(1, POSED_STEPS, limbs_go=False)
         dressing.fall()
         dressing.carry(1, STEPS - POSED_STEPS, is_thick=True)
@@ -154,8 +155,15 @@ class _Dressing:
     def hangs_from_waist(self) -> bool:
         return self._wearing.hangs_from_waist
 
+    @property
+    def is_skirt(self) -> bool:
+        return self._wearing.hangs_from_waist and all(len(limbs) != 1 for limbs in self._wearing.limbs)
+
     def lift(self) -> None:
-        """Moves the garment to where its highest opening started: seams that close draw a wide skirt together."""
+        """Moves the garment to where its highest opening started.
+
+        Seams that close draw a wide skirt together, and what falls is too heavy for a waist to hold.
+        """
         up, points = self._wearing.skeleton.up, self._points
         self._problem.model.set_points(points + self._wearing.drop(points) * up)
         self._meet_body()
@@ -166,6 +174,8 @@ class _Dressing:
         before = self._points
         for _ in range(0, FALLING, CHECK):
             self._relax(CHECK)
+            if self.hangs_from_waist:
+                self.lift()
             points = self._points
             slow = float(((before - points) @ self._wearing.skeleton.up).max()) < SLOW
             if slow and not self.in_the_way:

@@ -145,7 +145,8 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     if posed_next and ended.sunk:
         return _posed(stated, outfit, "it slid down from the waist")
     if ended.well:
-        return _padded(ended, len(history) - 1) if ended.shown and attempt.paddings < MOST_PADDINGS else None
+        may_pad = "offset_mm" not in stated.collision.model_fields_set and attempt.paddings < MOST_PADDINGS
+        return _padded(ended, len(history) - 1) if ended.shown and may_pad else None
     may_touch = stated.collision.cloth is not False
     levels_next = _may_have_levels(stated) and not any(each.attempt.has_levels for each in history)
     if attempt.touches:
