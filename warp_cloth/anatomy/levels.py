@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.maps.section import Section, cut
+from warp_cloth.base.section import Section, cut
 
 STEP = 0.01  # of the stature, between sections
 # Heights between which each level is searched for, as fractions of the stature (after ISO 8559-1: the hip at the widest
