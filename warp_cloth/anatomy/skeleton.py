@@ -29,6 +29,7 @@ HEAD_AREA, LEG_AREA = 1.6, 1.1  # least ratios of those areas: 2.1 and 1.35 in p
 NECK = (0.08, 0.17)  # of the span, from the crown, between which the neck is narrowest
 WRIST, ARM = 0.13, 0.45  # of the span, from the fingertips, between which an arm ends
 WIDENS = 1.8  # girth per length of an arm where it joins the trunk; a heavy upper arm has 0.6
+DIP = 12  # steps within which an arm is thinner again behind its elbow
 ANKLE = 0.11  # of the span, from the toes
 SLICES = 24  # of the trunk, from hips to neck
 MIDDLE_SLICE = 8  # the waist
@@ -94,6 +95,12 @@ def skeleton_of(body: Mesh) -> Skeleton | None:
 
     ``body`` may have further components, such as eyes; small holes do not matter.
     """
+    found = skeleton_or_reason(body)
+    return found if isinstance(found, Skeleton) else None
+
+
+def skeleton_or_reason(body: Mesh) -> Skeleton | str:
+    """The skeleton of a person's body, or why there is none: a clause about the body."""
     points = body.points
     edges = build_topology(body.triangles, len(points)).edges
     graph = EdgeGraph(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1), len(points))
@@ -101,8 +108,8 @@ def skeleton_of(body: Mesh) -> Skeleton | None:
     component = connected_components(len(points), edges[:, 0], edges[:, 1])
     main = component == np.bincount(component, area).argmax()
     found = _tips(points, graph, area, main)
-    if found is None:
-        return None
+    if isinstance(found, str):
+        return found
     tips, distances, span = found
     triangles = body.triangles[main[body.triangles].all(axis=1)]
     limbs = [
@@ -120,8 +127,8 @@ def _vertex_areas(points: Points, triangles: Indices) -> Floats:
 
 def _tips(
     points: Points, graph: EdgeGraph, area: Floats, main: NDArray[np.bool_]
-) -> tuple[list[int], list[Floats], float] | None:
-    """Vertices at the tips of head, hands and feet, distances from each, and the span; None: no person."""
+) -> tuple[list[int], list[Floats], float] | str:
+    """Vertices at the tips of head, hands and feet, distances from each, and the span; or why this is no person."""
     mean = np.average(points, axis=0, weights=area * main)
     start = int(np.argmin(np.where(main, np.linalg.norm(points - mean, axis=1), np.inf)))
     nearest = np.where(main, graph.distances(start), -1.0)
@@ -133,12 +140,18 @@ def _tips(
         distances.append(graph.distances(tip))
         nearest = np.where(main, np.minimum(nearest, distances[-1]), -1.0)
     span = max(float(distances[a][tips[b]]) for a in range(5) for b in range(5))
-    if span < SMALLEST_SPAN or prominence[4] < FIFTH * span or prominence[5] > SIXTH * prominence[4]:
-        return None
+    if span < SMALLEST_SPAN:
+        return f"it is {100.0 * span:.0f} cm from end to end, smaller than any person"
+    if prominence[4] < FIFTH * span:
+        return "fewer than five parts stick out of it: a person has a head, two arms and two legs"
+    if prominence[5] > SIXTH * prominence[4]:
+        return "more than five parts stick out of it, or it has none: a person has a head, two arms and two legs"
     around = np.array([area[main & (each < REACH * span)].sum() for each in distances[:5]])
     head, *others = np.argsort(-around, kind="stable").tolist()
-    if around[head] < HEAD_AREA * around[others[0]] or around[others[1]] < LEG_AREA * around[others[2]]:
-        return None
+    if around[head] < HEAD_AREA * around[others[0]]:
+        return "none of its five ends is a head above shoulders"
+    if around[others[1]] < LEG_AREA * around[others[2]]:
+        return "its arms and legs cannot be told apart: they are alike in size"
     order = [head, *others[2:], *others[:2]]
     return [tips[number] for number in order], [distances[number] for number in order], span
 
@@ -159,7 +172,9 @@ def _limb(
         window = 3
         slopes = (girths[window:] - girths[:-window]) / (window * step)
         first = int(WRIST / STEP)
-        widens = np.flatnonzero(slopes[first:] > WIDENS)
+        # a bent elbow widens, too, but the arm behind it is thinner again
+        dips = np.array([girths[n : n + DIP].argmax() < len(girths[n : n + DIP]) - 1 for n in range(len(girths))])
+        widens = np.flatnonzero((slopes > WIDENS)[first:] & ~dips[first : len(slopes)])
         last = min(first + int(widens[0]) + 1, last) if len(widens) else last
     levels = np.asarray((np.arange(last + 1) + 0.5) * step, dtype=np.float64)
     return _Limb(distances, levels, centres[: last + 1])
@@ -172,8 +187,8 @@ def _joined(
     tips: list[int],
     limbs: list[_Limb],
     span: float,
-) -> Skeleton | None:
-    """The limbs, left and right told apart, joined by the trunk."""
+) -> Skeleton | str:
+    """The limbs, left and right told apart, joined by the trunk; or why they cannot be joined."""
     hips, neck = 0.5 * (limbs[RIGHT_LEG].root + limbs[LEFT_LEG].root), limbs[HEAD].root
     height = float(np.linalg.norm(neck - hips))
     up = (neck - hips) / height
@@ -190,7 +205,7 @@ def _joined(
     trunk = triangles[(limb[triangles] == TRUNK).any(axis=1)]
     lines = level_lines(points, trunk, np.where(limb == TRUNK, (points - hips) @ up, np.inf), heights)
     if (lines.girths() <= 0.0).any():
-        return None
+        return "its trunk has a gap between hips and neck"
     centres = lines.centres()
     spine = np.vstack([hips, centres[ENDS:-ENDS], neck])
     upper, lower = centres[MIDDLE_SLICE:-ENDS], centres[MIDDLE_SLICE : ENDS - 1 : -1]

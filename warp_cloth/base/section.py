@@ -38,7 +38,7 @@ def cut(points: Points, triangles: Indices, height: float) -> Section:
     return section_at(points[:, 1] - height, points[:, [0, 2]], triangles)
 
 
-def section_at(level: Floats, flat: Floats, triangles: Indices) -> Section:
+def section_at(level: Floats, flat: Floats, triangles: NDArray[np.integer]) -> Section:
     """Section of a mesh by the plane where ``level`` is 0.
 
     Args:
