@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines
-from warp_cloth.base.connected import connected_components
+from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines, nearest_points, row_lengths
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.base.mesh import Indices, Mesh, Points
-from warp_cloth.base.topology import build_topology
+from warp_cloth.base.topology import mesh_edges
 
 LIMBS = ("head", "right arm", "left arm", "right leg", "left leg")
 HEAD, RIGHT_ARM, LEFT_ARM, RIGHT_LEG, LEFT_LEG = range(5)
@@ -102,16 +101,18 @@ def skeleton_of(body: Mesh) -> Skeleton | None:
 def skeleton_or_reason(body: Mesh) -> Skeleton | str:
     """The skeleton of a person's body, or why there is none: a clause about the body."""
     points = body.points
-    edges = build_topology(body.triangles, len(points)).edges
-    graph = EdgeGraph(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1), len(points))
+    edges = mesh_edges(body.triangles, len(points))
+    graph = EdgeGraph(edges, row_lengths(points[edges[:, 0]] - points[edges[:, 1]]), len(points))
     area = _vertex_areas(points, body.triangles)
-    component = connected_components(len(points), edges[:, 0], edges[:, 1])
+    if not area.any():
+        return "it has no surface"
+    component = graph.parts()
     main = component == np.bincount(component, area).argmax()
     found = _tips(points, graph, area, main)
     if isinstance(found, str):
         return found
     tips, distances, span = found
-    triangles = body.triangles[main[body.triangles].all(axis=1)]
+    triangles = body.triangles[main[body.triangles[:, 0]]]
     limbs = [
         _limb(number, points, triangles, of_tip, span, float(distances[RIGHT_LEG][tips[LEFT_LEG]]))
         for number, of_tip in enumerate(distances)
@@ -121,7 +122,8 @@ def skeleton_or_reason(body: Mesh) -> Skeleton | str:
 
 def _vertex_areas(points: Points, triangles: Indices) -> Floats:
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
-    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
+    (x, y, z), (u, v, w) = (b - a).T, (c - a).T
+    third = np.sqrt((y * w - z * v) ** 2 + (z * u - x * w) ** 2 + (x * v - y * u) ** 2) / 6.0
     return np.asarray(np.bincount(triangles.ravel(), np.repeat(third, 3), len(points)), dtype=np.float64)
 
 
@@ -130,12 +132,14 @@ def _tips(
 ) -> tuple[list[int], list[Floats], float] | str:
     """Vertices at the tips of head, hands and feet, distances from each, and the span; or why this is no person."""
     mean = np.average(points, axis=0, weights=area * main)
-    start = int(np.argmin(np.where(main, np.linalg.norm(points - mean, axis=1), np.inf)))
+    start = int(np.argmin(np.where(main, row_lengths(points - mean), np.inf)))
     nearest = np.where(main, graph.distances(start), -1.0)
     tips, distances, prominence = [], [], []
-    for _ in range(6):
+    for number in range(6):
         tip = int(np.argmax(nearest))
         prominence.append(float(nearest[tip]))
+        if number == 5:
+            break
         tips.append(tip)
         distances.append(graph.distances(tip))
         nearest = np.where(main, np.minimum(nearest, distances[-1]), -1.0)
@@ -202,7 +206,8 @@ def _joined(
             limbs[right_limb : right_limb + 2] = limbs[right_limb + 1], limbs[right_limb]
     limb = _nearest_limb(points, main, limbs)
     heights = np.linspace(0.05, 0.97, SLICES) * height
-    trunk = triangles[(limb[triangles] == TRUNK).any(axis=1)]
+    is_trunk = limb == TRUNK
+    trunk = triangles[is_trunk[triangles[:, 0]] | is_trunk[triangles[:, 1]] | is_trunk[triangles[:, 2]]]
     lines = level_lines(points, trunk, np.where(limb == TRUNK, (points - hips) @ up, np.inf), heights)
     if (lines.girths() <= 0.0).any():
         return "its trunk has a gap between hips and neck"
@@ -227,10 +232,8 @@ def _nearest_limb(points: Points, main: NDArray[np.bool_], limbs: list[_Limb]) -
     limb = np.where(np.isfinite(reach).any(axis=0), reach.argmin(axis=0), TRUNK).astype(np.int8)
     apart = np.flatnonzero(~main)
     if len(apart):
-        from scipy.spatial import cKDTree
-
-        _, nearest = cKDTree(points[main]).query(points[apart])
-        limb[apart] = limb[np.flatnonzero(main)[nearest]]
+        nearest = np.flatnonzero(main)[nearest_points(points[main], points[apart])]
+        limb[apart] = limb[nearest]
         for each in limbs:
-            each.distances[apart] = each.distances[np.flatnonzero(main)[nearest]]
+            each.distances[apart] = each.distances[nearest]
     return limb
