@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.base.section import Section, cut
+from warp_cloth.base.section import Section, convex_girth, cut
 
 STEP = 0.01  # of the stature, between sections
 # Heights between which each level is searched for, as fractions of the stature (after ISO 8559-1: the hip at the widest
@@ -122,10 +122,9 @@ def trunk_level(body: Mesh, height: float, middle: float) -> Level | None:
     """The level at a height, whose trunk is the part that crosses the body's middle plane; None below the crotch."""
     section = cut(body.points, body.triangles, height)
     best: Level | None = None
-    for part in range(section.part_count):
-        across = section.ends[section.part == part, :, 0]
-        if across.min() < middle < across.max():
-            girth = section.girth(part)
+    for part, ends in enumerate(section.parts()):
+        if ends[..., 0].min() < middle < ends[..., 0].max():
+            girth = convex_girth(ends.reshape(-1, 2))
             if best is None or girth > best.girth:
                 best = Level("", height, girth, section, part)
     return best

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from warp_cloth.anatomy.geodesics import Floats
+from warp_cloth.anatomy.geodesics import Floats, row_lengths
 from warp_cloth.anatomy.levels import Level, trunk_level, trunk_levels, under_bust_level
-from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, STEP, TRUNK, Skeleton
+from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, STEP, TRUNK, Skeleton, without_loose_parts
 from warp_cloth.anatomy.stance import ASTRIDE, STATURE, UPRIGHT, Bones, Stance, stance_of
-from warp_cloth.anatomy.tape import Plane, Tape, longest, shortest, tape_round, triangles_of
+from warp_cloth.anatomy.tape import Plane, Tape, longest, part_of, shortest, tape_round
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.section import convex_hull
@@ -71,7 +72,7 @@ DEFINITIONS: dict[str, str] = {
 
 def measures_of(body: Mesh, skeleton: Skeleton) -> tuple[Measure, ...]:
     """All measures of DEFINITIONS, in its order; of limbs the right one."""
-    return Figure(body, skeleton, stance_of(skeleton)).measures()
+    return Figure.of(body, skeleton).measures()
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +82,10 @@ class Figure:
     body: Mesh
     skeleton: Skeleton
     stance: Stance
+
+    @classmethod
+    def of(cls, body: Mesh, skeleton: Skeleton) -> Figure:
+        return cls(*without_loose_parts(body, skeleton), stance_of(skeleton))
 
     def measures(self) -> tuple[Measure, ...]:
         found = {
@@ -142,6 +147,10 @@ class Figure:
         """Height that the feet of the body stand on, or would, in the frame [m]."""
         return self.crown - self.stature
 
+    def limb(self, *numbers: int) -> tuple[Points, NDArray[np.int64]]:
+        """The part of the mesh that belongs to these limbs: points [m] and triangles."""
+        return part_of(self.body.points, self.body.triangles, np.isin(self.skeleton.limb, numbers))
+
     # Neck and trunk
 
     @cached_property
@@ -159,10 +168,8 @@ class Figure:
             return None
         x, z = level.section.ends[level.section.part == level.trunk].mean(axis=(0, 1))
         middle = np.array([x, level.height, z]) @ self.frame
-        near = np.linalg.norm(self.body.points - middle, axis=1) < NECK_AROUND * self.stature
-        triangles = self.trunk.triangles[near[self.trunk.triangles].all(axis=1)]
-        used, corners = np.unique(triangles, return_inverse=True)
-        points, corners = self.body.points[used], corners.reshape(-1, 3)
+        near = row_lengths(self.body.points - middle) < NECK_AROUND * self.stature
+        points, corners = part_of(self.body.points, self.trunk.triangles, near)
         up, forward = self.frame[1:]
         alongs = [np.cos(tilt) * up + np.sin(tilt) * forward for tilt in NECK_TILTS]
         shifts = self.stature * NECK_SHIFTS
@@ -222,10 +229,10 @@ class Figure:
         return all(self.stance.is_along(leg, self.frame[1], within) for leg in self.stance.legs)
 
     def _leg(self, leg: Bones) -> dict[str, Measure]:
-        shin = triangles_of(self.skeleton.limb, self.body.triangles, [leg.number])
+        shin = self.limb(leg.number)
 
         def round_at(point: float, normal: Points) -> Tape | None:
-            return tape_round(self.body.points, shin, _on(leg.curve, point), normal)
+            return tape_round(*shin, _on(leg.curve, point), normal)
 
         knee = round_at(leg.middle, leg.upper + leg.lower) if leg.bend < 60.0 else None
         reason = "the knee is bent by more than 60 degrees" if leg.bend >= 60.0 else "the leg is not closed there"
@@ -248,8 +255,8 @@ class Figure:
             each.curve[np.argmin(np.abs(h - height))] for each, h in zip(self.stance.legs, heights, strict=True)
         )
         side = np.stack([0.5 * (own + other), own - other])
-        triangles = triangles_of(self.skeleton.limb, self.body.triangles, [leg.number, TRUNK])
-        tape = tape_round(self.body.points, triangles, own, leg.upper, side)
+        part = self.limb(leg.number, TRUNK)
+        tape = tape_round(*part, own, leg.upper, side)
         return _taped("thigh", tape, "the leg is not closed there")
 
     def _inside_leg(self) -> Measure:
@@ -269,10 +276,10 @@ class Figure:
     # Arms and shoulders
 
     def _arm(self, arm: Bones) -> dict[str, Measure]:
-        triangles = triangles_of(self.skeleton.limb, self.body.triangles, [arm.number])
+        part = self.limb(arm.number)
 
         def round_at(point: float, normal: Points) -> Tape | None:
-            return tape_round(self.body.points, triangles, _on(arm.curve, point), normal)
+            return tape_round(*part, _on(arm.curve, point), normal)
 
         upper = round_at(UPPER_ARM / STEP - 0.5, arm.upper)
         elbow = round_at(arm.middle, arm.upper + arm.lower) if arm.bend < 60.0 else None

@@ -6,7 +6,8 @@ up. All lengths are fractions of the span, the longest distance along the surfac
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,11 @@ SLICES = 24  # of the trunk, from hips to neck
 MIDDLE_SLICE = 8  # the waist
 ENDS = 3  # slices at either end of the trunk that are a shoulder's, or a thigh's
 SMALLEST_SPAN = 0.3  # [m]; a doll's
+SHORTEST_LEG = 0.2  # of the span, from the toes to the crotch: 0.43 in people
+FLAT_FEET = 0.03  # of the span, that the toes are ahead of the ankles; legs without feet do not tell forward
+# A person's limbs, along their curves from the middle of the trunk: right as long as left, arms as long as legs (0.89
+# to 1.15 in people, mannequins and halves of scans), the trunk 0.2 to 0.42 of the span, hips and shoulders wide apart.
+ALIKE, ARMS_TO_LEGS, TRUNK_LENGTH, NARROW = 0.75, (0.65, 1.45), (0.15, 0.55), 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +112,7 @@ def skeleton_or_reason(body: Mesh) -> Skeleton | str:
     area = _vertex_areas(points, body.triangles)
     if not area.any():
         return "it has no surface"
-    component = graph.parts()
-    main = component == np.bincount(component, area).argmax()
+    main = _largest_part(graph, area)
     found = _tips(points, graph, area, main)
     if isinstance(found, str):
         return found
@@ -117,7 +122,26 @@ def skeleton_or_reason(body: Mesh) -> Skeleton | str:
         _limb(number, points, triangles, of_tip, span, float(distances[RIGHT_LEG][tips[LEFT_LEG]]))
         for number, of_tip in enumerate(distances)
     ]
+    if min(len(limbs[leg].levels) for leg in (RIGHT_LEG, LEFT_LEG)) * STEP < SHORTEST_LEG:
+        return "its legs are too short, or its feet grown together"
     return _joined(points, triangles, main, tips, limbs, span)
+
+
+def without_loose_parts(body: Mesh, skeleton: Skeleton) -> tuple[Mesh, Skeleton]:
+    """A body's largest connected part, which has the limbs, and its skeleton: without eyes, hair, specks of a scan."""
+    edges = mesh_edges(body.triangles, body.vertex_count)
+    graph = EdgeGraph(edges, np.ones(len(edges)), body.vertex_count)
+    main = _largest_part(graph, _vertex_areas(body.points, body.triangles))
+    number = np.cumsum(main) - 1
+    triangles = number[body.triangles[main[body.triangles[:, 0]]]].astype(np.int32)
+    limbs = replace(skeleton, limb=skeleton.limb[main], station=skeleton.station[main])
+    return Mesh(body.name, body.points[main], triangles), limbs
+
+
+def _largest_part(graph: EdgeGraph, area: Floats) -> NDArray[np.bool_]:
+    """The vertices of the connected part with the largest area, shape [V]."""
+    part = graph.parts()
+    return np.asarray(part == np.bincount(part, area).argmax(), dtype=np.bool_)
 
 
 def _vertex_areas(points: Points, triangles: Indices) -> Floats:
@@ -149,7 +173,7 @@ def _tips(
     if prominence[4] < FIFTH * span:
         return "fewer than five parts stick out of it: a person has a head, two arms and two legs"
     if prominence[5] > SIXTH * prominence[4]:
-        return "more than five parts stick out of it, or it has none: a person has a head, two arms and two legs"
+        return "other than five parts stick out of it: a person has a head, two arms and two legs"
     around = np.array([area[main & (each < REACH * span)].sum() for each in distances[:5]])
     head, *others = np.argsort(-around, kind="stable").tolist()
     if around[head] < HEAD_AREA * around[others[0]]:
@@ -195,10 +219,18 @@ def _joined(
     """The limbs, left and right told apart, joined by the trunk; or why they cannot be joined."""
     hips, neck = 0.5 * (limbs[RIGHT_LEG].root + limbs[LEFT_LEG].root), limbs[HEAD].root
     height = float(np.linalg.norm(neck - hips))
+    if not TRUNK_LENGTH[0] * span < height < TRUNK_LENGTH[1] * span:
+        return "its trunk is not as long as a person's, beside its limbs"
     up = (neck - hips) / height
     ankle = int(ANKLE / STEP)
     toes = np.sum([points[tips[leg]] - limbs[leg].centres[ankle] for leg in (RIGHT_LEG, LEFT_LEG)], axis=0)
     toes -= up * (toes @ up)
+    if np.linalg.norm(toes) < FLAT_FEET * span:  # without feet: square to what joins right and left
+        across = limbs[LEFT_LEG].root - limbs[RIGHT_LEG].root
+        square = np.cross(across, up)
+        toes = square if square @ toes >= 0.0 else -square
+    if not toes.any():
+        return "its front cannot be told from its back"
     forward = toes / np.linalg.norm(toes)
     left = np.cross(up, forward)
     for right_limb in (RIGHT_ARM, RIGHT_LEG):
@@ -217,6 +249,8 @@ def _joined(
     trunk_parts = (upper, upper[:-1], upper[:-1], lower, lower)
     curves = tuple(np.vstack([part, each.centres[::-1]]) for part, each in zip(trunk_parts, limbs, strict=True))
     joints = tuple(len(part) for part in trunk_parts)
+    if reason := _unlike_a_person(curves, limbs, left, span):
+        return reason
     station = np.zeros(len(points))
     for number, each in enumerate(limbs):
         along = arc_lengths(curves[number])
@@ -224,6 +258,20 @@ def _joined(
         stations = along[joints[number] :][::-1] / along[-1]  # from the tip inwards, as the levels are
         station[own] = np.interp(each.distances[own], each.levels, stations)
     return Skeleton(curves, joints, spine, up, forward, left, span, limb, station)
+
+
+def _unlike_a_person(curves: Sequence[Points], limbs: list[_Limb], left: Points, span: float) -> str:
+    """Why limbs of these proportions are no person's; empty: they may be."""
+    lengths = [float(arc_lengths(curve)[-1]) for curve in curves]
+    arms, legs = lengths[RIGHT_ARM : LEFT_ARM + 1], lengths[RIGHT_LEG:]
+    if min(arms) < ALIKE * max(arms) or min(legs) < ALIKE * max(legs):
+        return "its right and left limbs are not of one length"
+    if not ARMS_TO_LEGS[0] * sum(legs) < sum(arms) < ARMS_TO_LEGS[1] * sum(legs):
+        return "its arms and legs have not the lengths of a person's"
+    widths = [float((limbs[n + 1].root - limbs[n].root) @ left) for n in (RIGHT_ARM, RIGHT_LEG)]
+    if min(widths) < NARROW * span:
+        return "its right and left limbs begin at one place"
+    return ""
 
 
 def _nearest_limb(points: Points, main: NDArray[np.bool_], limbs: list[_Limb]) -> NDArray[np.int8]:

@@ -18,6 +18,9 @@ ROUND = 0.02  # of the span, on either side of a joint, that is no bone's middle
 STATURE = 1.066  # the legs along the skin with hips to crown, of the stature: 1.05 to 1.08 in people of any age
 UPRIGHT = 30.0  # degrees between trunk and vertical of who stands
 ASTRIDE = 15.0  # degrees between a leg and vertical that lower the hips by 1.5 cm
+# Degrees from the nearest axis at which trunk and legs in line mean that the body lies oblique in its axes: of people
+# who stand, the legs together point down to 3 degrees, and the trunk leans by up to 9 against them.
+OBLIQUE, IN_LINE = 5.0, 12.0
 ALIKE = 8.0  # degrees between limbs that one phrase tells of
 
 
@@ -118,20 +121,28 @@ class Stance:
 
 
 def stance_of(skeleton: Skeleton) -> Stance:
-    """The stance of a body. Vertical is the world axis that trunk and legs are nearest to."""
+    """The stance of a body.
+
+    Vertical is the world axis that trunk and legs are nearest to, or along the legs where both are far from all.
+    """
     arms = _bones(skeleton, RIGHT_ARM, WRIST, ELBOW), _bones(skeleton, LEFT_ARM, WRIST, ELBOW)
-    legs = _bones(skeleton, RIGHT_LEG, ANKLE, KNEE), _bones(skeleton, LEFT_LEG, ANKLE, KNEE)
-    down = [bone for leg in legs for bone in (leg.upper, leg.lower)]
+    both_legs = _bones(skeleton, RIGHT_LEG, ANKLE, KNEE), _bones(skeleton, LEFT_LEG, ANKLE, KNEE)
+    down = [bone for leg in both_legs for bone in (leg.upper, leg.lower)]
     upwards = 2.0 * skeleton.up - 0.5 * np.sum(down, axis=0)
     axis = int(np.argmax(np.abs(upwards)))
     vertical = np.zeros(3)
     vertical[axis] = np.sign(upwards[axis])
+    legs = -np.sum(down, axis=0)
+    legs /= max(float(np.linalg.norm(legs)), 1e-12)
+    off = min(_between(skeleton.up, vertical), _between(legs, vertical))
+    if off > OBLIQUE and _between(skeleton.up, legs) < IN_LINE:
+        vertical = legs
     forward = skeleton.forward - vertical * (skeleton.forward @ vertical)
     if np.linalg.norm(forward) < 0.5:  # lies on a slope, or bends over
         forward = np.cross(skeleton.left, vertical)
     forward /= np.linalg.norm(forward)
     left = np.cross(vertical, forward)
-    return Stance(vertical, forward, left, arms, legs, _between(skeleton.up, vertical))
+    return Stance(vertical, forward, left, arms, both_legs, _between(skeleton.up, vertical))
 
 
 def _bones(skeleton: Skeleton, limb: int, end: float, middle: float) -> Bones:
@@ -164,9 +175,10 @@ def _between(a: Points, b: Points) -> float:
 
 
 def _arm_phrase(angle: float, ahead: float, bend: float) -> str:
-    where = (
-        "hang" if angle > 65.0 else "horizontal" if abs(angle) < 5.0 else
-        f"{abs(angle):.0f} degrees {'below' if angle > 0.0 else 'above'} the horizontal"
-    )  # fmt: skip
+    if abs(angle) < 5.0:
+        where = "horizontal"
+    else:
+        where = f"{abs(angle):.0f} degrees {'below' if angle > 0.0 else 'above'} the horizontal"
     forward = ", forward" if ahead > 0.0 else ", back" if ahead < 0.0 else ""
-    return where + forward + (f", elbow bent by {bend:.0f} degrees" if bend > 25.0 else "")
+    elbow = f", elbow bent by {bend:.0f} degrees" if bend > 25.0 else ""
+    return ("hanging" if angle > 65.0 else where) + forward + elbow

@@ -56,7 +56,7 @@ class Plane:
 def tape_round(
     points: Points, triangles: NDArray[np.integer], origin: Points, normal: Points, side: Points | None = None
 ) -> Tape | None:
-    """The tape round the part of a mesh round ``origin`` in the plane through it; None: nothing is there.
+    """The tape round the part of a mesh round ``origin`` in the plane through it; None: none is.
 
     Args:
         points: [m], shape [V, 3].
@@ -67,25 +67,19 @@ def tape_round(
     """
     plane = Plane.through(origin, normal)
     section = plane.section(points, triangles)
-    if not section.part_count:
-        return None
     ends = _part_round_origin(section)
+    if ends is None:
+        return None
     if side is not None:
         inside = (plane.in_space(ends) - side[0]) @ side[1] >= 0.0
         ends = ends[inside]
     return plane.tape(ends) if len(ends) > 2 else None
 
 
-def _part_round_origin(section: Section) -> Points:
-    """The ends of the part with the longest tape of those whose tape goes round the origin, shape [N, 2].
-
-    Where none does, of the part whose middle is nearest.
-    """
-    parts = [section.ends[section.part == part].reshape(-1, 2) for part in range(section.part_count)]
-    around = [ends for ends in parts if _surrounds(ends)]
-    if around:
-        return max(around, key=lambda ends: float(np.ptp(ends, axis=0).sum()))
-    return parts[_nearest_part(section)]
+def _part_round_origin(section: Section) -> Points | None:
+    """The ends of the widest part whose tape goes round the origin, shape [N, 2]; None: there is none."""
+    around = [ends for ends in (part.reshape(-1, 2) for part in section.parts()) if _surrounds(ends)]
+    return max(around, key=lambda ends: float(np.ptp(ends, axis=0).sum()), default=None)
 
 
 def _surrounds(ends: Points) -> bool:
@@ -93,14 +87,6 @@ def _surrounds(ends: Points) -> bool:
     turn = np.sort(np.arctan2(ends[:, 1], ends[:, 0]))
     gaps = np.diff(turn, append=turn[0] + 2.0 * np.pi)
     return bool(gaps.max() < np.pi)
-
-
-def _nearest_part(section: Section) -> int:
-    """The part whose middle is nearest to the origin."""
-    middles = section.ends.mean(axis=1)
-    count = np.bincount(section.part)
-    centres = np.stack([np.bincount(section.part, middles[:, axis]) for axis in range(2)], axis=1) / count[:, None]
-    return int(np.argmin((centres**2).sum(axis=1)))
 
 
 def shortest(tapes: Iterable[Tape | None]) -> Tape | None:
@@ -111,7 +97,8 @@ def longest(tapes: Iterable[Tape | None]) -> Tape | None:
     return max((tape for tape in tapes if tape is not None), key=lambda tape: tape.length, default=None)
 
 
-def triangles_of(limb: NDArray[np.int8], triangles: Indices, numbers: Iterable[int]) -> Indices:
-    """The triangles of which a corner belongs to one of these limbs, shape [N, 3]."""
-    chosen: Indices = triangles[np.isin(limb, list(numbers))[triangles].any(axis=1)]
-    return chosen
+def part_of(points: Points, triangles: Indices, chosen: NDArray[np.bool_]) -> tuple[Points, NDArray[np.int64]]:
+    """The triangles of which a corner is chosen, shape [V], and their vertices: points [m] and triangles."""
+    a, b, c = (chosen[triangles[:, corner]] for corner in range(3))
+    used, corners = np.unique(triangles[a | b | c], return_inverse=True)
+    return points[used], corners.reshape(-1, 3)

@@ -28,6 +28,12 @@ class Section:
     def part_count(self) -> int:
         return int(self.part.max()) + 1 if len(self.part) else 0
 
+    def parts(self) -> list[Floats]:
+        """The ends of each part's segments [m], shape [N, 2, 2] each."""
+        order = np.argsort(self.part, kind="stable")
+        count = np.bincount(self.part, minlength=self.part_count)
+        return np.split(self.ends[order], np.cumsum(count)[:-1]) if len(order) else []
+
     def girth(self, part: int) -> float:
         """Length of a tape around a part [m]."""
         return convex_girth(self.ends[self.part == part].reshape(-1, 2))
@@ -46,9 +52,11 @@ def section_at(level: Floats, flat: Floats, triangles: NDArray[np.integer]) -> S
         flat: its two coordinates along the plane [m], shape [V, 2].
         triangles: shape [F, 3].
     """
-    above = level[triangles] >= 0.0
-    faces = np.flatnonzero(above.any(axis=1) & ~above.all(axis=1))
-    corners, up = triangles[faces].astype(np.int64), above[faces]
+    above = level >= 0.0
+    a, b, c = (above[triangles[:, corner]] for corner in range(3))
+    faces = np.flatnonzero((a | b | c) & ~(a & b & c))
+    corners = triangles[faces].astype(np.int64)
+    up = above[corners]
     crossed = up != np.roll(up, -1, axis=1)  # sides (0,1), (1,2), (2,0): two of the three
     first = np.argmax(crossed, axis=1)
     second = 2 - np.argmax(crossed[:, ::-1], axis=1)

@@ -25,7 +25,6 @@ import numpy as np
 from warp_cloth.anatomy.levels import trunk_level
 from warp_cloth.anatomy.measures import DEFINITIONS, Figure
 from warp_cloth.anatomy.skeleton import skeleton_of
-from warp_cloth.anatomy.stance import stance_of
 from warp_cloth.loading import load_mesh
 
 STATED = {"height": "stature", "waist_circumference": "waist", **{f"hull_{n}": n for n in ("chest", "waist", "hip")}}
@@ -61,7 +60,7 @@ def main() -> None:
         if skeleton is None:
             print(f"{row['name']}: no limbs")
             continue
-        figure = Figure(body, skeleton, stance_of(skeleton))
+        figure = Figure.of(body, skeleton)
         if options.table:
             values = [each.value for each in figure.measures()]
             print(f"{row['name']:<26}", *(f"{'-' if v is None else f'{100 * v:.1f}':>8}" for v in values))
