@@ -60,7 +60,7 @@ def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     return good if legs and headed and footed and len(good) == 3 else None
 
 
-def trunk_levels(body: Mesh, floor: float, stature: float, middle: float) -> list[Level]:
+def trunk_levels(body: Mesh, floor: float, stature: float, middle: float, top: float = np.inf) -> list[Level]:
     """Chest, waist and hip of a trunk along y, facing +z, as far as they are found.
 
     Args:
@@ -68,20 +68,22 @@ def trunk_levels(body: Mesh, floor: float, stature: float, middle: float) -> lis
         floor: height that its feet would stand on [m].
         stature: that of the whole body [m].
         middle: x of the plane between left and right [m].
+        top: height above which the trunk is not measured [m], where that is known.
     """
     fractions = np.arange(HIP_RANGE[0], CHEST_RANGE[1] + 0.5 * STEP, STEP)
+    fractions = fractions[floor + fractions * stature < top]
     levels = [trunk_level(body, floor + fraction * stature, middle) for fraction in fractions]
     # from the waist up, no higher than where the arms join
-    top = len(fractions)
+    end = len(fractions)
     waist_from = int(np.searchsorted(fractions, WAIST_RANGE[0]))
     for index in range(waist_from + 1, len(fractions)):
         below, here = levels[index - 1], levels[index]
         if below is None or here is None or _width(here) > ARMS_JOIN * _width(below):
-            top = index
+            end = index
             break
 
     def among(name: str, bounds: tuple[float, float], sign: float) -> Level | None:
-        inside = [i for i in range(top) if bounds[0] - 1e-9 <= fractions[i] <= bounds[1] + 1e-9]
+        inside = [i for i in range(end) if bounds[0] - 1e-9 <= fractions[i] <= bounds[1] + 1e-9]
         found = [level for level in (levels[i] for i in inside) if level is not None]
         best = max(found, key=lambda level: sign * level.girth, default=None)
         return None if best is None else replace(best, name=name)
