@@ -89,7 +89,7 @@ def test_places_are_found_by_shape() -> None:
 
 def test_scene_without_avatar_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(app, ["avatar", "hanging", "--device", "cpu", "--no-plots"])
+    result = CliRunner().invoke(app, ["avatar", "hanging", "--colliders", "--device", "cpu", "--no-plots"])
     assert result.exit_code == 2
     assert result.stderr.splitlines()[-1].startswith("error: hanging: the scene has no avatar to test")
     assert not (tmp_path / "out").exists()

@@ -12,11 +12,13 @@ import warp as wp
 from cloths import NO_PINS, grid, model_of
 from worn import box_avatar
 
+from warp_cloth.anatomy.levels import body_levels
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, vertex_normals
+from warp_cloth.base.section import cut
 from warp_cloth.fitting.fit import fit
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import GRAVITY, build_rest_shape
@@ -24,8 +26,6 @@ from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.maps import MAPS, chosen_maps, measure_maps
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import rounded_up, shown_range
-from warp_cloth.maps.levels import body_levels
-from warp_cloth.maps.section import cut
 from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
 from warp_cloth.material.constants import even_network
 from warp_cloth.material.fabric import Fabric

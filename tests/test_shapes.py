@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from warp_cloth.anatomy.levels import trunk_level
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.section import convex_girth
 from warp_cloth.shapes import (
     SIZE_BODIES,
     MannequinMeasures,
@@ -20,9 +22,7 @@ from warp_cloth.shapes import (
     mannequin_measures,
     sphere,
     square,
-    trunk_girth,
 )
-from warp_cloth.shapes.body import convex_girth
 from warp_cloth.shapes.surface import is_closed_manifold, surface_nets, without_saddles
 
 EXACT = 1e-12  # [m] rounding of sums of a few float64 lengths near 1 m
@@ -152,7 +152,9 @@ def test_mannequin_girths_are_the_measures(bodies: dict[str, Mesh], name: str) -
         (measures.waist_height, measures.waist),
         (measures.hip_height, measures.hip),
     ):
-        assert trunk_girth(bodies[name], height) == pytest.approx(girth, abs=GIRTH_TOLERANCE)
+        level = trunk_level(bodies[name], height, 0.0)
+        assert level is not None
+        assert level.girth == pytest.approx(girth, abs=GIRTH_TOLERANCE)
 
 
 @pytest.mark.parametrize("name", BODIES)

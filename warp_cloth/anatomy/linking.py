@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from warp_cloth.anatomy.crossings import cone_crossings, surface_crossings
 from warp_cloth.anatomy.openings import ARMS, Limbs, Opening, limbs_for
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, Skeleton
 from warp_cloth.base.mesh import Indices, Points
 
-BLOCK = 6  # segments of a curve whose triangles are looked for together
 SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most where its waist holds it
 FAR_SLEEVE = 0.3  # [m] above or below the shoulders: sleeves of any length begin nearer
 
@@ -59,39 +58,12 @@ def limbs_through(start: Points, end: Points, curves: Sequence[Points]) -> Limbs
     """
     if len(start) < 3:
         return ()
-    corners = np.stack([np.broadcast_to(start.mean(axis=0), start.shape), start, end], axis=1)
-    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    found = []
-    for number, curve in enumerate(curves):
-        a, b = curve[:-1], curve[1:]
-        near = ((np.maximum(a, b) >= low) & (np.minimum(a, b) <= high)).all(axis=1)
-        if int(crossings(a[near], b[near], corners).sum()) % 2:
-            found.append(number)
-    return tuple(found)
+    return tuple(np.flatnonzero(cone_crossings(start, end, curves) % 2).tolist())
 
 
 def curve_crossings(points: Points, triangles: Indices, curve: Points) -> int:
     """How often a curve, shape [N, 3], passes through the triangles of a garment [m]."""
-    corners = points[triangles]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    count = 0
-    for first in range(0, len(curve) - 1, BLOCK):
-        part = curve[first : first + BLOCK + 1]
-        near = ((part.max(axis=0) >= low) & (part.min(axis=0) <= high)).all(axis=1)
-        count += int(crossings(part[:-1], part[1:], corners[near]).sum())
-    return count
-
-
-def crossings(start: Points, end: Points, corners: Points) -> NDArray[np.bool_]:
-    """Whether segments, shape [S, 3], pass through triangles, shape [F, 3, 3], by the signs of volumes; [S, F]."""
-    along = (end - start)[:, None]
-    from_start = corners[None] - start[:, None, None]
-    x, y, z = (from_start[:, :, corner] for corner in range(3))
-    volumes = np.stack([(np.cross(p, q) * along).sum(axis=2) for p, q in ((x, y), (y, z), (z, x))])
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    before = -np.einsum("sfk,fk->sf", x, normal)
-    after = np.einsum("sfk,fk->sf", end[:, None] - corners[None, :, 0], normal)
-    return np.asarray((before * after < 0.0) & ((volumes > 0.0).all(axis=0) | (volumes < 0.0).all(axis=0)))
+    return int(surface_crossings(points, triangles, [curve])[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,5 +133,4 @@ class Wearing:
 
     def pierced(self, points: Points) -> Limbs:
         """The limbs that the cloth at ``points`` [m] runs through the middle of."""
-        counts = [curve_crossings(points, self.triangles, curve) for curve in self.skeleton.curves]
-        return tuple(number for number, count in enumerate(counts) if count)
+        return tuple(np.flatnonzero(surface_crossings(points, self.triangles, self.skeleton.curves)).tolist())

@@ -39,11 +39,13 @@ class Opening:
 def openings_of(topology: Topology, triangles: Indices, lengths: Floats, vertex_count: int) -> tuple[Opening, ...]:
     """The openings of a garment with these edge lengths at rest [m], the largest first; a sheet's edge is none."""
     a, b = topology.edges.T
-    length_of = dict(zip(zip(a.tolist(), b.tolist(), strict=True), lengths.tolist(), strict=True))
+    keys = a.astype(np.int64) * vertex_count + b  # ascending, as edges are sorted
     loops = []
     for loop in topology.boundary_loops:
-        pairs = zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)
-        girth = sum(length_of.get((min(pair), max(pair)), 0.0) for pair in pairs)
+        here, there = loop.astype(np.int64), np.roll(loop, -1).astype(np.int64)
+        sought = np.minimum(here, there) * vertex_count + np.maximum(here, there)
+        edge = np.minimum(np.searchsorted(keys, sought), len(keys) - 1)
+        girth = sum(lengths[edge[keys[edge] == sought]].tolist())
         if girth > NARROWEST:
             loops.append((loop, girth))
     if len(loops) < 2:

@@ -6,16 +6,16 @@ up. All lengths are fractions of the span, the longest distance along the surfac
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines
-from warp_cloth.base.connected import connected_components
+from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines, nearest_points, row_lengths
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.base.mesh import Indices, Mesh, Points
-from warp_cloth.base.topology import build_topology
+from warp_cloth.base.topology import mesh_edges
 
 LIMBS = ("head", "right arm", "left arm", "right leg", "left leg")
 HEAD, RIGHT_ARM, LEFT_ARM, RIGHT_LEG, LEFT_LEG = range(5)
@@ -29,11 +29,17 @@ HEAD_AREA, LEG_AREA = 1.6, 1.1  # least ratios of those areas: 2.1 and 1.35 in p
 NECK = (0.08, 0.17)  # of the span, from the crown, between which the neck is narrowest
 WRIST, ARM = 0.13, 0.45  # of the span, from the fingertips, between which an arm ends
 WIDENS = 1.8  # girth per length of an arm where it joins the trunk; a heavy upper arm has 0.6
+DIP = 12  # steps within which an arm is thinner again behind its elbow
 ANKLE = 0.11  # of the span, from the toes
 SLICES = 24  # of the trunk, from hips to neck
 MIDDLE_SLICE = 8  # the waist
 ENDS = 3  # slices at either end of the trunk that are a shoulder's, or a thigh's
 SMALLEST_SPAN = 0.3  # [m]; a doll's
+SHORTEST_LEG = 0.2  # of the span, from the toes to the crotch: 0.43 in people
+FLAT_FEET = 0.03  # of the span, that the toes are ahead of the ankles; legs without feet do not tell forward
+# A person's limbs, along their curves from the middle of the trunk: right as long as left, arms as long as legs (0.89
+# to 1.15 in people, mannequins and halves of scans), the trunk 0.2 to 0.42 of the span, hips and shoulders wide apart.
+ALIKE, ARMS_TO_LEGS, TRUNK_LENGTH, NARROW = 0.75, (0.65, 1.45), (0.15, 0.55), 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,51 +100,86 @@ def skeleton_of(body: Mesh) -> Skeleton | None:
 
     ``body`` may have further components, such as eyes; small holes do not matter.
     """
+    found = skeleton_or_reason(body)
+    return found if isinstance(found, Skeleton) else None
+
+
+def skeleton_or_reason(body: Mesh) -> Skeleton | str:
+    """The skeleton of a person's body, or why there is none: a clause about the body."""
     points = body.points
-    edges = build_topology(body.triangles, len(points)).edges
-    graph = EdgeGraph(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1), len(points))
+    edges = mesh_edges(body.triangles, len(points))
+    graph = EdgeGraph(edges, row_lengths(points[edges[:, 0]] - points[edges[:, 1]]), len(points))
     area = _vertex_areas(points, body.triangles)
-    component = connected_components(len(points), edges[:, 0], edges[:, 1])
-    main = component == np.bincount(component, area).argmax()
+    if not area.any():
+        return "it has no surface"
+    main = _largest_part(graph, area)
     found = _tips(points, graph, area, main)
-    if found is None:
-        return None
+    if isinstance(found, str):
+        return found
     tips, distances, span = found
-    triangles = body.triangles[main[body.triangles].all(axis=1)]
+    triangles = body.triangles[main[body.triangles[:, 0]]]
     limbs = [
         _limb(number, points, triangles, of_tip, span, float(distances[RIGHT_LEG][tips[LEFT_LEG]]))
         for number, of_tip in enumerate(distances)
     ]
+    if min(len(limbs[leg].levels) for leg in (RIGHT_LEG, LEFT_LEG)) * STEP < SHORTEST_LEG:
+        return "its legs are too short, or its feet grown together"
     return _joined(points, triangles, main, tips, limbs, span)
+
+
+def without_loose_parts(body: Mesh, skeleton: Skeleton) -> tuple[Mesh, Skeleton]:
+    """A body's largest connected part, which has the limbs, and its skeleton: without eyes, hair, specks of a scan."""
+    edges = mesh_edges(body.triangles, body.vertex_count)
+    graph = EdgeGraph(edges, np.ones(len(edges)), body.vertex_count)
+    main = _largest_part(graph, _vertex_areas(body.points, body.triangles))
+    number = np.cumsum(main) - 1
+    triangles = number[body.triangles[main[body.triangles[:, 0]]]].astype(np.int32)
+    limbs = replace(skeleton, limb=skeleton.limb[main], station=skeleton.station[main])
+    return Mesh(body.name, body.points[main], triangles), limbs
+
+
+def _largest_part(graph: EdgeGraph, area: Floats) -> NDArray[np.bool_]:
+    """The vertices of the connected part with the largest area, shape [V]."""
+    part = graph.parts()
+    return np.asarray(part == np.bincount(part, area).argmax(), dtype=np.bool_)
 
 
 def _vertex_areas(points: Points, triangles: Indices) -> Floats:
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
-    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
+    (x, y, z), (u, v, w) = (b - a).T, (c - a).T
+    third = np.sqrt((y * w - z * v) ** 2 + (z * u - x * w) ** 2 + (x * v - y * u) ** 2) / 6.0
     return np.asarray(np.bincount(triangles.ravel(), np.repeat(third, 3), len(points)), dtype=np.float64)
 
 
 def _tips(
     points: Points, graph: EdgeGraph, area: Floats, main: NDArray[np.bool_]
-) -> tuple[list[int], list[Floats], float] | None:
-    """Vertices at the tips of head, hands and feet, distances from each, and the span; None: no person."""
+) -> tuple[list[int], list[Floats], float] | str:
+    """Vertices at the tips of head, hands and feet, distances from each, and the span; or why this is no person."""
     mean = np.average(points, axis=0, weights=area * main)
-    start = int(np.argmin(np.where(main, np.linalg.norm(points - mean, axis=1), np.inf)))
+    start = int(np.argmin(np.where(main, row_lengths(points - mean), np.inf)))
     nearest = np.where(main, graph.distances(start), -1.0)
     tips, distances, prominence = [], [], []
-    for _ in range(6):
+    for number in range(6):
         tip = int(np.argmax(nearest))
         prominence.append(float(nearest[tip]))
+        if number == 5:
+            break
         tips.append(tip)
         distances.append(graph.distances(tip))
         nearest = np.where(main, np.minimum(nearest, distances[-1]), -1.0)
     span = max(float(distances[a][tips[b]]) for a in range(5) for b in range(5))
-    if span < SMALLEST_SPAN or prominence[4] < FIFTH * span or prominence[5] > SIXTH * prominence[4]:
-        return None
+    if span < SMALLEST_SPAN:
+        return f"it is {100.0 * span:.0f} cm from end to end, smaller than any person"
+    if prominence[4] < FIFTH * span:
+        return "fewer than five parts stick out of it: a person has a head, two arms and two legs"
+    if prominence[5] > SIXTH * prominence[4]:
+        return "other than five parts stick out of it: a person has a head, two arms and two legs"
     around = np.array([area[main & (each < REACH * span)].sum() for each in distances[:5]])
     head, *others = np.argsort(-around, kind="stable").tolist()
-    if around[head] < HEAD_AREA * around[others[0]] or around[others[1]] < LEG_AREA * around[others[2]]:
-        return None
+    if around[head] < HEAD_AREA * around[others[0]]:
+        return "none of its five ends is a head above shoulders"
+    if around[others[1]] < LEG_AREA * around[others[2]]:
+        return "its arms and legs cannot be told apart: they are alike in size"
     order = [head, *others[2:], *others[:2]]
     return [tips[number] for number in order], [distances[number] for number in order], span
 
@@ -159,7 +200,9 @@ def _limb(
         window = 3
         slopes = (girths[window:] - girths[:-window]) / (window * step)
         first = int(WRIST / STEP)
-        widens = np.flatnonzero(slopes[first:] > WIDENS)
+        # a bent elbow widens, too, but the arm behind it is thinner again
+        dips = np.array([girths[n : n + DIP].argmax() < len(girths[n : n + DIP]) - 1 for n in range(len(girths))])
+        widens = np.flatnonzero((slopes > WIDENS)[first:] & ~dips[first : len(slopes)])
         last = min(first + int(widens[0]) + 1, last) if len(widens) else last
     levels = np.asarray((np.arange(last + 1) + 0.5) * step, dtype=np.float64)
     return _Limb(distances, levels, centres[: last + 1])
@@ -172,14 +215,22 @@ def _joined(
     tips: list[int],
     limbs: list[_Limb],
     span: float,
-) -> Skeleton | None:
-    """The limbs, left and right told apart, joined by the trunk."""
+) -> Skeleton | str:
+    """The limbs, left and right told apart, joined by the trunk; or why they cannot be joined."""
     hips, neck = 0.5 * (limbs[RIGHT_LEG].root + limbs[LEFT_LEG].root), limbs[HEAD].root
     height = float(np.linalg.norm(neck - hips))
+    if not TRUNK_LENGTH[0] * span < height < TRUNK_LENGTH[1] * span:
+        return "its trunk is not as long as a person's, beside its limbs"
     up = (neck - hips) / height
     ankle = int(ANKLE / STEP)
     toes = np.sum([points[tips[leg]] - limbs[leg].centres[ankle] for leg in (RIGHT_LEG, LEFT_LEG)], axis=0)
     toes -= up * (toes @ up)
+    if np.linalg.norm(toes) < FLAT_FEET * span:  # without feet: square to what joins right and left
+        across = limbs[LEFT_LEG].root - limbs[RIGHT_LEG].root
+        square = np.cross(across, up)
+        toes = square if square @ toes >= 0.0 else -square
+    if not toes.any():
+        return "its front cannot be told from its back"
     forward = toes / np.linalg.norm(toes)
     left = np.cross(up, forward)
     for right_limb in (RIGHT_ARM, RIGHT_LEG):
@@ -187,16 +238,19 @@ def _joined(
             limbs[right_limb : right_limb + 2] = limbs[right_limb + 1], limbs[right_limb]
     limb = _nearest_limb(points, main, limbs)
     heights = np.linspace(0.05, 0.97, SLICES) * height
-    trunk = triangles[(limb[triangles] == TRUNK).any(axis=1)]
+    is_trunk = limb == TRUNK
+    trunk = triangles[is_trunk[triangles[:, 0]] | is_trunk[triangles[:, 1]] | is_trunk[triangles[:, 2]]]
     lines = level_lines(points, trunk, np.where(limb == TRUNK, (points - hips) @ up, np.inf), heights)
     if (lines.girths() <= 0.0).any():
-        return None
+        return "its trunk has a gap between hips and neck"
     centres = lines.centres()
     spine = np.vstack([hips, centres[ENDS:-ENDS], neck])
     upper, lower = centres[MIDDLE_SLICE:-ENDS], centres[MIDDLE_SLICE : ENDS - 1 : -1]
     trunk_parts = (upper, upper[:-1], upper[:-1], lower, lower)
     curves = tuple(np.vstack([part, each.centres[::-1]]) for part, each in zip(trunk_parts, limbs, strict=True))
     joints = tuple(len(part) for part in trunk_parts)
+    if reason := _unlike_a_person(curves, limbs, left, span):
+        return reason
     station = np.zeros(len(points))
     for number, each in enumerate(limbs):
         along = arc_lengths(curves[number])
@@ -206,16 +260,28 @@ def _joined(
     return Skeleton(curves, joints, spine, up, forward, left, span, limb, station)
 
 
+def _unlike_a_person(curves: Sequence[Points], limbs: list[_Limb], left: Points, span: float) -> str:
+    """Why limbs of these proportions are no person's; empty: they may be."""
+    lengths = [float(arc_lengths(curve)[-1]) for curve in curves]
+    arms, legs = lengths[RIGHT_ARM : LEFT_ARM + 1], lengths[RIGHT_LEG:]
+    if min(arms) < ALIKE * max(arms) or min(legs) < ALIKE * max(legs):
+        return "its right and left limbs are not of one length"
+    if not ARMS_TO_LEGS[0] * sum(legs) < sum(arms) < ARMS_TO_LEGS[1] * sum(legs):
+        return "its arms and legs have not the lengths of a person's"
+    widths = [float((limbs[n + 1].root - limbs[n].root) @ left) for n in (RIGHT_ARM, RIGHT_LEG)]
+    if min(widths) < NARROW * span:
+        return "its right and left limbs begin at one place"
+    return ""
+
+
 def _nearest_limb(points: Points, main: NDArray[np.bool_], limbs: list[_Limb]) -> NDArray[np.int8]:
     """The limb of each vertex, or TRUNK; vertices of other components belong where the nearest other one does."""
     reach = np.stack([np.where(each.distances < each.end, each.distances, np.inf) for each in limbs])
     limb = np.where(np.isfinite(reach).any(axis=0), reach.argmin(axis=0), TRUNK).astype(np.int8)
     apart = np.flatnonzero(~main)
     if len(apart):
-        from scipy.spatial import cKDTree
-
-        _, nearest = cKDTree(points[main]).query(points[apart])
-        limb[apart] = limb[np.flatnonzero(main)[nearest]]
+        nearest = np.flatnonzero(main)[nearest_points(points[main], points[apart])]
+        limb[apart] = limb[nearest]
         for each in limbs:
-            each.distances[apart] = each.distances[np.flatnonzero(main)[nearest]]
+            each.distances[apart] = each.distances[nearest]
     return limb

@@ -77,6 +77,14 @@ def build_topology(triangles: Indices, vertex_count: int) -> Topology:
     )
 
 
+def mesh_edges(triangles: Indices, vertex_count: int) -> Indices:
+    """The edges of triangles, shape [F, 3], as in a Topology: vertices, lower first, sorted, shape [E, 2]."""
+    a, b, c = triangles.T.astype(np.int64)
+    sides = [np.minimum(p, q) * vertex_count + np.maximum(p, q) for p, q in ((a, b), (b, c), (c, a))]
+    unique = sorted_unique(np.concatenate(sides))
+    return np.stack([unique // vertex_count, unique % vertex_count], axis=1).astype(np.int32)
+
+
 def ragged_rows(owner: NDArray[np.integer], row_count: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """CSR rows of entries by owner: row starts, shape [row_count + 1], and the stable order of the entries."""
     starts = np.zeros(row_count + 1, dtype=np.int32)

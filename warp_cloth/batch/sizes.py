@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
+from warp_cloth.anatomy.levels import body_levels
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base import arguments
 from warp_cloth.base.errors import InputError
@@ -15,7 +16,6 @@ from warp_cloth.fitting.fit import Fit, fit
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import load_outfit, worn_size
 from warp_cloth.maps.girths import garment_girths
-from warp_cloth.maps.levels import body_levels
 from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ import typer
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.cli.options import Changes, Device, SceneName
+from warp_cloth.cli.options import Changes, Device
 from warp_cloth.cli.terminal import one_line_errors, output_folder
 
 
@@ -83,38 +84,82 @@ def fabric(
 
 
 def avatar(
-    scene: SceneName,
+    body: Annotated[
+        str, typer.Argument(help="Mesh of a body, or a scene: its file (TOML), or the name of a shipped one.")
+    ],
+    measures: Annotated[bool, typer.Option("--measures", help="Print a tailor's measures of the body.")] = False,
+    colliders: Annotated[
+        bool, typer.Option("--colliders", help="Compare every collider of a scene's avatar with its exact mesh.")
+    ] = False,
     device: Device = None,
-    out: Annotated[Path, typer.Option(help="Output folder, for NAME_avatar.json and NAME_walks.png.")] = Path("out"),
+    out: Annotated[
+        Path,
+        typer.Option(
+            help="Output folder, for NAME_body.json and .png; NAME_avatar.json and NAME_walks.png of colliders."
+        ),
+    ] = Path("out"),
     changes: Changes = None,
-    plots: Annotated[bool, typer.Option(help="Plot distances along lines (needs matplotlib).")] = True,
+    plots: Annotated[bool, typer.Option(help="Plot distances to colliders along lines (needs matplotlib).")] = True,
 ) -> None:
-    """Compare every collider of a scene's avatar with its exact mesh, near the garment.
+    """Show what is understood of a body: its limbs, its pose and a tailor's measures.
 
     \b
-    warp-cloth avatar scene.toml --out out
-    warp-cloth avatar tshirt --set collision.pixel_mm=1 --no-plots
+    warp-cloth avatar body.obj --measures
+    warp-cloth avatar tshirt --set avatar.shape.stature=1.9
+    warp-cloth avatar scene.toml --colliders --out colliders
     """
     with one_line_errors():
-        from warp_cloth.scene import load_scene
-
-        chosen = load_scene(scene, changes or ())
-        with output_folder(out, chosen.name):
-            start_warp(False)
-            from warp_cloth.base.device import device_named
-            from warp_cloth.bench.avatar import run_avatar_bench, save_avatar_bench, table
-            from warp_cloth.export.plots import figure_class
-            from warp_cloth.garment.outfit import load_outfit
-
-            if plots:
-                figure_class()
-            where = device_named(device)
-            found = run_avatar_bench(
-                chosen,
-                load_outfit(chosen),
-                device=where,
-                progress=lambda kind: print(f"building {kind}", file=sys.stderr),
-            )
-            lines, paths = table(found), save_avatar_bench(found, out, plots=plots)
+        if colliders:
+            lines, paths = _compare_colliders(body, device, out, changes or [], plots)
+        else:
+            lines, paths = _understand(body, measures, device, out, changes or [])
     for line in [*lines, *(f"  wrote {path}" for path in paths)]:
         typer.echo(line)
+
+
+def _understand(
+    body: str, measures: bool, device: str | None, out: Path, changes: list[str]
+) -> tuple[list[str], list[Path]]:
+    """Lines to print and files written of a body's limbs, pose and measures."""
+    from warp_cloth.garment.outfit import load_avatar
+    from warp_cloth.scene import load_scene
+    from warp_cloth.scene.load import scene_of_body
+
+    chosen = scene_of_body(body, changes) or load_scene(body, changes)
+    if chosen.avatar is None:
+        raise InputError(chosen.name, "the scene has no avatar", "name a scene with one, or the mesh of a body")
+    with output_folder(out, chosen.name):
+        start_warp(False)
+        from warp_cloth.anatomy.person import understand
+        from warp_cloth.base.device import device_named
+        from warp_cloth.export.body_report import body_lines, save_body
+
+        where = device_named(device)
+        person = understand(replace(load_avatar(chosen), name=chosen.name))
+        return body_lines(person, measures), save_body(person, out, device=where)
+
+
+def _compare_colliders(
+    scene: str, device: str | None, out: Path, changes: list[str], plots: bool
+) -> tuple[list[str], list[Path]]:
+    """Lines to print and files written of a scene's colliders."""
+    from warp_cloth.scene import load_scene
+
+    chosen = load_scene(scene, changes)
+    with output_folder(out, chosen.name):
+        start_warp(False)
+        from warp_cloth.base.device import device_named
+        from warp_cloth.bench.avatar import run_avatar_bench, save_avatar_bench, table
+        from warp_cloth.export.plots import figure_class
+        from warp_cloth.garment.outfit import load_outfit
+
+        if plots:
+            figure_class()
+        where = device_named(device)
+        found = run_avatar_bench(
+            chosen,
+            load_outfit(chosen),
+            device=where,
+            progress=lambda kind: print(f"building {kind}", file=sys.stderr),
+        )
+        return table(found), save_avatar_bench(found, out, plots=plots)

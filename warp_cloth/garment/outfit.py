@@ -126,6 +126,17 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     return Outfit(worn, garments, avatar, poses, predraped, _wearing(scene, garments, still, cache))
 
 
+def load_avatar(scene: Scene) -> Mesh:
+    """The avatar of a scene that has one, loaded or generated, in metres.
+
+    Raises:
+        InputError: its file cannot be used.
+    """
+    (recipe,) = avatar_recipe(scene)
+    avatar: Mesh = recipe.make(Cache())
+    return avatar
+
+
 def garments_in(scene: Scene, meshes: Sequence[Mesh]) -> tuple[Garment, ...]:
     """A scene's garments from meshes that are loaded already."""
     garments = []

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.anatomy.levels import Level, trunk_level
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.maps.levels import Level, trunk_level
-from warp_cloth.maps.section import Section, cut
+from warp_cloth.base.section import Section, cut
 from warp_cloth.material.constants import Sheet
 
 SECTORS = 72  # of 5 degrees around the trunk

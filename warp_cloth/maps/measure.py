@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.anatomy.levels import body_levels
 from warp_cloth.avatar.exact import signed_distances
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.garment.garment import Garment
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import MAPS, shown_range
-from warp_cloth.maps.levels import body_levels
 from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
 from warp_cloth.model.result import FitMaps
 

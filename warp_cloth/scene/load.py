@@ -62,6 +62,18 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
         raise scene_error(error, Scene, partial(_place, file=place, stated=stated), many) from None
 
 
+def scene_of_body(source: str, overrides: Sequence[str] = ()) -> Scene | None:
+    """The scene of a body alone, from its mesh file; None where ``source`` is no mesh.
+
+    A scene has a garment: a square of cloth stands in for it. ``overrides`` as for ``load_scene``.
+    """
+    path = Path(source)
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        return None
+    cloth = {"shape": {"kind": "square"}, "fabric": "cotton"}
+    return load_scene({"name": path.stem, "avatar": {"mesh": source}, "garment": cloth}, overrides)
+
+
 def _plain(values: Any) -> Any:
     """A copy of a dictionary with NumPy values as Python's."""
     if isinstance(values, Mapping):

@@ -8,7 +8,7 @@ from typing import Any
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.shapes.mannequin import mannequin, trunk_girth
+from warp_cloth.shapes.mannequin import mannequin
 from warp_cloth.shapes.measures import SIZE_BODIES, MannequinMeasures
 from warp_cloth.shapes.simple import sphere, square
 from warp_cloth.shapes.tshirt import tshirt
@@ -22,7 +22,6 @@ __all__ = [
     "mannequin_measures",
     "sphere",
     "square",
-    "trunk_girth",
     "tshirt",
 ]
 

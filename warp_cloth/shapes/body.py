@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from warp_cloth.base.mesh import Points
+from warp_cloth.base.section import convex_girth
 from warp_cloth.shapes.loft import Loft, Values, loft, natural_spline, smooth_minimum
 from warp_cloth.shapes.measures import CHEST_LEVEL, HIP_LEVEL, WAIST_LEVEL, MannequinMeasures
 
@@ -254,22 +255,6 @@ def section(form: Form, height: float, rays: int = 120) -> Points:
         high, at_high = np.where(outside, middle, high), np.where(outside, value, at_high)
         low, at_low = np.where(outside, low, middle), np.where(outside, at_low, value - 1e-15)
     return middle[:, None] * directions[:, [0, 2]]
-
-
-def convex_girth(points: Points) -> float:
-    """Length of a tape round 2-D points [m]: the perimeter of their convex hull (Andrew's monotone chain)."""
-    spots = sorted(map(tuple, points.tolist()))
-    hull: list[tuple[float, ...]] = []
-    for ordered in (spots, spots[::-1]):
-        chain: list[tuple[float, ...]] = []
-        for p in ordered:
-            while len(chain) > 1 and (chain[-1][0] - chain[-2][0]) * (p[1] - chain[-2][1]) <= (
-                chain[-1][1] - chain[-2][1]
-            ) * (p[0] - chain[-2][0]):
-                chain.pop()
-            chain.append(p)
-        hull += chain[:-1]
-    return sum(math.dist(p, q) for p, q in zip(hull, hull[1:] + hull[:1], strict=True))
 
 
 def calibrated_form(measures: MannequinMeasures) -> Form:

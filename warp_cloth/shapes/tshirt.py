@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.shapes.body import Form, calibrated_form, convex_girth, section
+from warp_cloth.base.section import convex_girth
+from warp_cloth.shapes.body import Form, calibrated_form, section
 from warp_cloth.shapes.loft import Values
 from warp_cloth.shapes.measures import SIZE_BODIES, MannequinMeasures
 from warp_cloth.shapes.pattern import PANEL_GAP, SIZE_MEASURES, Pattern, TshirtMeasures, tshirt_pattern

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.maps.section import Section, cut
+from warp_cloth.base.section import Section, convex_girth, cut
 
 STEP = 0.01  # of the stature, between sections
 # Heights between which each level is searched for, as fractions of the stature (after ISO 8559-1: the hip at the widest
@@ -26,6 +26,7 @@ NECK, NECK_WIDEST = 0.88, 0.9
 FOOT, FOOT_HEIGHTS = 0.1, (0.005, 0.01, 0.02)
 STATURES = (0.8, 2.6)  # [m] of a body
 GIRTHS = (0.3, 2.2)  # [m]
+BUST_STEPS = 20  # between waist and chest
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,31 +50,57 @@ def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     if not STATURES[0] <= stature <= STATURES[1]:
         return None
     middle = 0.5 * float(low[0] + high[0])
-    fractions = np.arange(HIP_RANGE[0], CHEST_RANGE[1] + 0.5 * STEP, STEP)
-    levels = [trunk_level(body, low[1] + fraction * stature, middle) for fraction in fractions]
-    # from the waist up, no higher than where the arms join
-    top = len(fractions)
-    waist_from = int(np.searchsorted(fractions, WAIST_RANGE[0]))
-    for index in range(waist_from + 1, len(fractions)):
-        below, here = levels[index - 1], levels[index]
-        if below is None or here is None or _width(here) > ARMS_JOIN * _width(below):
-            top = index
-            break
-
-    def among(name: str, bounds: tuple[float, float], sign: float) -> Level | None:
-        inside = [i for i in range(top) if bounds[0] - 1e-9 <= fractions[i] <= bounds[1] + 1e-9]
-        found = [level for level in (levels[i] for i in inside) if level is not None]
-        best = max(found, key=lambda level: sign * level.girth, default=None)
-        return None if best is None else Level(name, best.height, best.girth, best.section, best.trunk)
-
-    chosen = (among("chest", CHEST_RANGE, 1.0), among("waist", WAIST_RANGE, -1.0), among("hip", HIP_RANGE, 1.0))
-    good = tuple(level for level in chosen if level is not None and GIRTHS[0] <= level.girth <= GIRTHS[1])
+    found = trunk_levels(body, float(low[1]), stature, middle)
+    good = tuple(level for level in found if GIRTHS[0] <= level.girth <= GIRTHS[1])
     legs = cut(body.points, body.triangles, float(low[1]) + 0.25 * stature).part_count >= 2
     neck = trunk_level(body, low[1] + NECK * stature, middle)
     headed = neck is not None and len(good) > 0 and neck.girth <= NECK_WIDEST * good[0].girth
     soles = (cut(body.points, body.triangles, float(low[1]) + fraction * stature) for fraction in FOOT_HEIGHTS)
     footed = any(_longest(sole) >= FOOT * stature for sole in soles)
-    return good if legs and headed and footed and len(good) == len(chosen) else None
+    return good if legs and headed and footed and len(good) == 3 else None
+
+
+def trunk_levels(body: Mesh, floor: float, stature: float, middle: float, top: float = np.inf) -> list[Level]:
+    """Chest, waist and hip of a trunk along y, facing +z, as far as they are found.
+
+    Args:
+        body: with the arms apart from the trunk, or without arms.
+        floor: height that its feet would stand on [m].
+        stature: that of the whole body [m].
+        middle: x of the plane between left and right [m].
+        top: height above which the trunk is not measured [m], where that is known.
+    """
+    fractions = np.arange(HIP_RANGE[0], CHEST_RANGE[1] + 0.5 * STEP, STEP)
+    fractions = fractions[floor + fractions * stature < top]
+    levels = [trunk_level(body, floor + fraction * stature, middle) for fraction in fractions]
+    # from the waist up, no higher than where the arms join
+    end = len(fractions)
+    waist_from = int(np.searchsorted(fractions, WAIST_RANGE[0]))
+    for index in range(waist_from + 1, len(fractions)):
+        below, here = levels[index - 1], levels[index]
+        if below is None or here is None or _width(here) > ARMS_JOIN * _width(below):
+            end = index
+            break
+
+    def among(name: str, bounds: tuple[float, float], sign: float) -> Level | None:
+        inside = [i for i in range(end) if bounds[0] - 1e-9 <= fractions[i] <= bounds[1] + 1e-9]
+        found = [level for level in (levels[i] for i in inside) if level is not None]
+        best = max(found, key=lambda level: sign * level.girth, default=None)
+        return None if best is None else replace(best, name=name)
+
+    chosen = (among("chest", CHEST_RANGE, 1.0), among("waist", WAIST_RANGE, -1.0), among("hip", HIP_RANGE, 1.0))
+    return [level for level in chosen if level is not None]
+
+
+def under_bust_level(body: Mesh, chest: Level, waist: Level, middle: float) -> Level | None:
+    """The level just below the breasts: where the girth falls farthest below an even change from chest to waist."""
+    share = np.linspace(0.0, 1.0, BUST_STEPS + 1)[1:-1]
+    heights = waist.height + share * (chest.height - waist.height)
+    levels = [trunk_level(body, float(height), middle) for height in heights]
+    even = waist.girth + share * (chest.girth - waist.girth)
+    below = [even[n] - level.girth if level is not None else -np.inf for n, level in enumerate(levels)]
+    found = levels[int(np.argmax(below))]
+    return None if found is None else replace(found, name="under_bust")
 
 
 def _width(level: Level) -> float:
@@ -97,10 +124,9 @@ def trunk_level(body: Mesh, height: float, middle: float) -> Level | None:
     """The level at a height, whose trunk is the part that crosses the body's middle plane; None below the crotch."""
     section = cut(body.points, body.triangles, height)
     best: Level | None = None
-    for part in range(section.part_count):
-        across = section.ends[section.part == part, :, 0]
-        if across.min() < middle < across.max():
-            girth = section.girth(part)
+    for part, ends in enumerate(section.parts()):
+        if ends[..., 0].min() < middle < ends[..., 0].max():
+            girth = convex_girth(ends.reshape(-1, 2))
             if best is None or girth > best.girth:
                 best = Level("", height, girth, section, part)
     return best

@@ -1,0 +1,72 @@
+"""How often curves pass through triangles, by the signs of volumes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.base.mesh import Indices, Points
+
+Counts = NDArray[np.int64]
+BLOCK = 6  # segments of a curve whose triangles are looked for together
+
+
+def surface_crossings(points: Points, triangles: Indices, curves: Sequence[Points]) -> Counts:
+    """How often each curve, shape [N, 3], passes through a surface [m], shape [curves]."""
+    corners = [points[triangles[:, corner]] for corner in range(3)]
+    low = np.minimum(np.minimum(corners[0], corners[1]), corners[2])
+    high = np.maximum(np.maximum(corners[0], corners[1]), corners[2])
+    starts, ends, hit, owner = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for number, curve in enumerate(curves):
+        for first in range(0, len(curve) - 1, BLOCK):
+            part = curve[first : first + BLOCK + 1]
+            near = _overlapping(low, high, part.min(axis=0), part.max(axis=0))
+            count = len(part) - 1
+            starts.append(np.repeat(part[:-1], len(near), axis=0))
+            ends.append(np.repeat(part[1:], len(near), axis=0))
+            hit.append(np.tile(near, count))
+            owner.append(np.full(count * len(near), number))
+    faces = np.concatenate(hit)
+    through = crossed(np.concatenate(starts), np.concatenate(ends), *(corner[faces] for corner in corners))
+    return np.bincount(np.concatenate(owner)[through], minlength=len(curves))
+
+
+def cone_crossings(start: Points, end: Points, curves: Sequence[Points]) -> Counts:
+    """How often each curve passes through the cone over a ring of segments, ``start`` to ``end`` [m], shape [S, 3]."""
+    tip = start.mean(axis=0)
+    low = np.minimum(np.minimum(start.min(axis=0), end.min(axis=0)), tip)
+    high = np.maximum(np.maximum(start.max(axis=0), end.max(axis=0)), tip)
+    a, b = np.concatenate([curve[:-1] for curve in curves]), np.concatenate([curve[1:] for curve in curves])
+    owner = np.repeat(np.arange(len(curves)), [len(curve) - 1 for curve in curves])
+    near = _overlapping(np.minimum(a, b), np.maximum(a, b), low, high)
+    pair, face = np.repeat(near, len(start)), np.tile(np.arange(len(start)), len(near))
+    through = crossed(a[pair], b[pair], np.broadcast_to(tip, (len(pair), 3)), start[face], end[face])
+    return np.bincount(owner[pair[through]], minlength=len(curves))
+
+
+def _overlapping(low: Points, high: Points, lowest: Points, highest: Points) -> NDArray[np.int64]:
+    """The boxes, corners of shape [N, 3], that meet one box; axis by axis, as most fail the first."""
+    near = np.flatnonzero((high[:, 1] >= lowest[1]) & (low[:, 1] <= highest[1]))
+    for axis in (0, 2):
+        near = near[(high[near, axis] >= lowest[axis]) & (low[near, axis] <= highest[axis])]
+    return near
+
+
+def crossed(start: Points, end: Points, a: Points, b: Points, c: Points) -> NDArray[np.bool_]:
+    """Whether each segment passes through its triangle; all shape [P, 3] [m]; result shape [P]."""
+    along = end - start
+    x, y, z = a - start, b - start, c - start
+    volumes = [_volume(p, q, along) for p, q in ((x, y), (y, z), (z, x))]
+    before = -_volume(b - a, c - a, x)
+    after = _volume(b - a, c - a, end - a)
+    inside = (volumes[0] > 0.0) & (volumes[1] > 0.0) & (volumes[2] > 0.0)
+    inside |= (volumes[0] < 0.0) & (volumes[1] < 0.0) & (volumes[2] < 0.0)
+    return np.asarray(inside & (before * after < 0.0))
+
+
+def _volume(p: Points, q: Points, r: Points) -> NDArray[np.float64]:
+    """The triple product (p x q) . r of rows, shape [P]."""
+    (px, py, pz), (qx, qy, qz), (rx, ry, rz) = p.T, q.T, r.T
+    return np.asarray((py * qz - pz * qy) * rx + (pz * qx - px * qz) * ry + (px * qy - py * qx) * rz)

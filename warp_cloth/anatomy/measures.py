@@ -1,0 +1,396 @@
+"""A tailor's measures of a body, read off its mesh; terms after ISO 8559-1.
+
+A girth is the length of a tape: of the convex hull of the section, since a tape spans hollows. It lies square to the
+vertical round a trunk that stands, and to the bone round a limb, so that a body may be measured in any pose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.anatomy.geodesics import Floats, row_lengths
+from warp_cloth.anatomy.levels import CHEST_RANGE, Level, trunk_level, trunk_levels, under_bust_level
+from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, STEP, TRUNK, Skeleton, without_loose_parts
+from warp_cloth.anatomy.stance import ASTRIDE, STATURE, UPRIGHT, Bones, Stance, stance_of
+from warp_cloth.anatomy.tape import Plane, Tape, longest, part_of, shortest, tape_round
+from warp_cloth.base.curves import arc_lengths
+from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.base.section import convex_hull
+
+# Where a girth is looked for, as fractions of the span from the fingertips or toes.
+WRISTS, ANKLES, CALVES = (0.09, 0.125), (0.12, 0.16), (0.17, 0.26)
+UPPER_ARM = 0.255
+NECK_TILTS = np.radians(np.arange(0.0, 41.0, 5.0))  # of the neck's tape, lower in front
+CHEST_STEP = 0.01  # of the stature, between levels at which arms may join the trunk
+NECKS, NECK_STEP = (0.78, 0.89), 0.005  # of the stature: where the neck's narrowest level section is looked for
+NECK_SHIFTS = np.linspace(-0.015, 0.015, 7)  # of the stature, along the neck, from there
+NECK_AROUND = 0.1  # of the stature, round its middle: what the tape may touch
+NAPE_BELOW = 0.013  # of the stature, below the back of the neck's tape: where the neck begins, at the 7th vertebra
+THIGH_BELOW = 0.012  # of the stature, below the crotch: the tape goes round one leg there
+SHOULDER_INWARDS = 0.012  # of the stature, from the root of the arm to the shoulder point
+SHOULDER_DEPTH = 0.024  # of the stature, from the shoulder point down to the joint: a hanging arm begins above it
+HANGING = (45.0, 75.0)  # degrees below the horizontal; the root of an arm that hangs is nearer to the neck
+SHOULDER_AROUND = 0.015  # of the stature, on either side of it
+RAISED = 20.0  # degrees above the horizontal: the arm lies on the shoulder
+CROTCH_ROUNDS = 12  # halvings of its height
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """A measure: its value, or why there is none."""
+
+    name: str  # a key of DEFINITIONS
+    value: float | None  # [m]
+    line: Points  # along the body [m], shape [N, 3]; empty without a value
+    reason: str = ""  # why there is no value
+
+
+# Name: the term and definition of ISO 8559-1 in short, and how it is read off a mesh.
+DEFINITIONS: dict[str, str] = {
+    "stature": "crown to floor, upright",
+    "neck": "smallest girth of the neck, square to it",
+    "chest": "bust or chest girth: the largest level girth below the armpits, over the bust points",
+    "under_bust": "level girth just below the breasts",
+    "waist": "natural waist: the smallest level girth between ribs and hip bones",
+    "hip": "the largest level girth over the buttocks",
+    "thigh": "girth of the leg just below the crotch, square to the thigh",
+    "knee": "girth over the middle of the knee, square to the leg",
+    "calf": "largest girth of the lower leg, square to it",
+    "ankle": "smallest girth of the lower leg above the ankle bones, square to it",
+    "upper_arm": "girth midway between shoulder and elbow, square to the arm",
+    "elbow": "girth over the elbow, square to the arm",
+    "wrist": "smallest girth above the hand, square to the forearm",
+    "shoulder_width": "between the shoulder points, straight",
+    "arm_length": "shoulder point over elbow to wrist, as of an arm that hangs",
+    "back_length": "nape (7th neck vertebra) to waist along the back",
+    "inside_leg_length": "crotch to floor, upright",
+}
+
+
+def measures_of(body: Mesh, skeleton: Skeleton) -> tuple[Measure, ...]:
+    """All measures of DEFINITIONS, in its order; of limbs the right one."""
+    return Figure.of(body, skeleton).measures()
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A body that is measured: its levels and points, found once."""
+
+    body: Mesh
+    skeleton: Skeleton
+    stance: Stance
+
+    @classmethod
+    def of(cls, body: Mesh, skeleton: Skeleton) -> Figure:
+        return cls(*without_loose_parts(body, skeleton), stance_of(skeleton))
+
+    def measures(self) -> tuple[Measure, ...]:
+        found = {
+            "stature": self._stature(),
+            "neck": _taped("neck", self.neck, "the neck cannot be told from the head"),
+            **self._trunk(),
+            **self._leg(self.stance.legs[0]),
+            **self._arm(self.stance.arms[0]),
+            "shoulder_width": self._shoulder_width(),
+            "arm_length": self._arm_length(),
+            "back_length": self._back_length(),
+            "inside_leg_length": self._inside_leg(),
+        }
+        return tuple(found[name] for name in DEFINITIONS)
+
+    # The frame: x to the left, y along the trunk, z forward.
+
+    @cached_property
+    def frame(self) -> Points:
+        """Unit vectors to the left, up and forward, shape [3, 3]; up, along the trunk, is vertical of who stands."""
+        if self.stance.trunk_lean <= UPRIGHT:
+            return np.stack([self.stance.left, self.stance.vertical, self.stance.forward])
+        return np.stack([self.skeleton.left, self.skeleton.up, self.skeleton.forward])
+
+    @cached_property
+    def upright(self) -> Points:
+        """The body's vertices in the frame [m], shape [V, 3]."""
+        return np.asarray(self.body.points @ self.frame.T, dtype=np.float64)
+
+    @cached_property
+    def middle(self) -> float:
+        """The plane between left and right, in the frame [m]."""
+        return float((self.skeleton.spine @ self.frame[0]).mean())
+
+    @cached_property
+    def trunk(self) -> Mesh:
+        """The body in the frame, without its arms."""
+        arm = np.isin(self.skeleton.limb, (RIGHT_ARM, LEFT_ARM))
+        kept = self.body.triangles[~arm[self.body.triangles].any(axis=1)]
+        return Mesh(self.body.name, self.upright, kept)
+
+    @cached_property
+    def stature(self) -> float:
+        """Stature [m]: of a body that does not stand, from its legs, trunk and head."""
+        if self.stance.stands:
+            return self.crown - float(self.upright[:, 1].min())
+        legs = np.mean([len(leg.curve) for leg in self.stance.legs]) * STEP * self.skeleton.span
+        hips = float(self.skeleton.spine[0] @ self.frame[1])
+        return float(legs + self.crown - hips) / STATURE
+
+    @cached_property
+    def crown(self) -> float:
+        """Height of the top of the head, in the frame [m]; hands may be higher."""
+        arm = np.isin(self.skeleton.limb, (RIGHT_ARM, LEFT_ARM))
+        return float(self.upright[~arm, 1].max())
+
+    @cached_property
+    def floor(self) -> float:
+        """Height that the feet of the body stand on, or would, in the frame [m]."""
+        return self.crown - self.stature
+
+    def limb(self, *numbers: int) -> tuple[Points, NDArray[np.int64]]:
+        """The part of the mesh that belongs to these limbs: points [m] and triangles."""
+        return part_of(self.body.points, self.body.triangles, np.isin(self.skeleton.limb, numbers))
+
+    # Neck and trunk
+
+    @cached_property
+    def neck_level(self) -> Level | None:
+        """The narrowest section between shoulders and chin."""
+        heights = self.floor + self.stature * np.arange(NECKS[0], NECKS[1], NECK_STEP)
+        levels = [trunk_level(self.trunk, float(height), self.middle) for height in heights]
+        return min((level for level in levels if level is not None), key=lambda level: level.girth, default=None)
+
+    @cached_property
+    def neck(self) -> Tape | None:
+        """The shortest tape round the neck."""
+        level = self.neck_level
+        if level is None:
+            return None
+        x, z = level.section.ends[level.section.part == level.trunk].mean(axis=(0, 1))
+        middle = np.array([x, level.height, z]) @ self.frame
+        near = row_lengths(self.body.points - middle) < NECK_AROUND * self.stature
+        points, corners = part_of(self.body.points, self.trunk.triangles, near)
+        up, forward = self.frame[1:]
+        alongs = [np.cos(tilt) * up + np.sin(tilt) * forward for tilt in NECK_TILTS]
+        shifts = self.stature * NECK_SHIFTS
+        return shortest(tape_round(points, corners, middle + shift * up, along) for along in alongs for shift in shifts)
+
+    @cached_property
+    def levels(self) -> dict[str, Level]:
+        """Levels of the trunk by name."""
+        chosen = trunk_levels(self.trunk, self.floor, self.stature, self.middle, self._arms_join)
+        found = {level.name: level for level in chosen}
+        if "chest" in found and "waist" in found:
+            below = under_bust_level(self.trunk, found["chest"], found["waist"], self.middle)
+            if below is not None:
+                found["under_bust"] = below
+        return found
+
+    @property
+    def _arms_join(self) -> float:
+        """Height in the frame from which arms are part of the trunk's section [m]; infinite: above the chest, or below.
+
+        Arms that touch the trunk below the chest are taken off it by their vertices alone.
+        """
+        arm = np.isin(self.skeleton.limb, (RIGHT_ARM, LEFT_ARM))
+        whole = replace(self.trunk, triangles=self.body.triangles)
+        for number, fraction in enumerate(np.arange(CHEST_RANGE[0], CHEST_RANGE[1] + 0.5 * CHEST_STEP, CHEST_STEP)):
+            height = self.floor + float(fraction) * self.stature
+            level = trunk_level(whole, height, self.middle)
+            if level is not None:
+                faces = level.section.faces[level.section.part == level.trunk]
+                if arm[self.body.triangles[faces]].any():
+                    return height - 1e-9 if number else np.inf
+        return np.inf
+
+    def _trunk(self) -> dict[str, Measure]:
+        found: dict[str, Measure] = {}
+        for name in ("chest", "under_bust", "waist", "hip"):
+            level = self.levels.get(name)
+            if name == "hip" and not self.legs_along(ASTRIDE):
+                found[name] = _missing(name, "the hips are bent, or the legs apart")
+            elif level is None:
+                found[name] = _missing(name, f"no section of the trunk is its {name.replace('_', ' ')}")
+            else:
+                found[name] = _taped(name, self._tape_at(level), "")
+        return found
+
+    def _tape_at(self, level: Level) -> Tape:
+        plane = Plane(self.frame[1] * level.height, self.frame[[0, 2]], self.frame[1])
+        return plane.tape(level.section.ends[level.section.part == level.trunk].reshape(-1, 2))
+
+    # Legs
+
+    @cached_property
+    def crotch(self) -> float | None:
+        """Height in the frame below which the legs are apart [m]; None where they cannot be told apart."""
+        curves = [leg.curve @ self.frame.T for leg in self.stance.legs]
+
+        def joined(height: float) -> bool:
+            level = trunk_level(self.trunk, height, self.middle)
+            if level is None:
+                return False
+            across = level.section.ends[level.section.part == level.trunk, :, 0]
+            centres = [curve[np.argmin(np.abs(curve[:, 1] - height)), 0] for curve in curves]
+            return bool(across.min() < min(centres) and across.max() > max(centres))
+
+        low, high = self.floor + 0.36 * self.stature, self.floor + 0.53 * self.stature
+        if joined(low) or not joined(high):
+            return None
+        for _ in range(CROTCH_ROUNDS):
+            half = 0.5 * (low + high)
+            low, high = (low, half) if joined(half) else (half, high)
+        return high
+
+    def legs_along(self, within: float) -> bool:
+        """Whether both legs are straight and in line with the trunk, within an angle [degrees]."""
+        return all(self.stance.is_along(leg, self.frame[1], within) for leg in self.stance.legs)
+
+    def _leg(self, leg: Bones) -> dict[str, Measure]:
+        shin = self.limb(leg.number)
+
+        def round_at(point: float, normal: Points) -> Tape | None:
+            return tape_round(*shin, _on(leg.curve, point), normal)
+
+        knee = round_at(leg.middle, leg.upper + leg.lower) if leg.bend < 60.0 else None
+        reason = "the knee is bent by more than 60 degrees" if leg.bend >= 60.0 else "the leg is not closed there"
+        return {
+            "thigh": self._thigh(leg),
+            "knee": _taped("knee", knee, reason),
+            "calf": _taped("calf", longest(round_at(at, leg.lower) for at in _points(CALVES)), "no lower leg is there"),
+            "ankle": _taped("ankle", shortest(round_at(at, leg.lower) for at in _points(ANKLES)), "no ankle is there"),
+        }
+
+    def _thigh(self, leg: Bones) -> Measure:
+        if not self.legs_along(UPRIGHT):
+            return _missing("thigh", "the hips are bent, so that its highest girth lies in a fold")
+        crotch = self.crotch
+        if crotch is None:
+            return _missing("thigh", "the legs cannot be told apart below the crotch")
+        heights = [each.curve @ self.frame[1] for each in self.stance.legs]
+        height = crotch - THIGH_BELOW * self.stature
+        own, other = (
+            each.curve[np.argmin(np.abs(h - height))] for each, h in zip(self.stance.legs, heights, strict=True)
+        )
+        side = np.stack([0.5 * (own + other), own - other])
+        part = self.limb(leg.number, TRUNK)
+        tape = tape_round(*part, own, leg.upper, side)
+        return _taped("thigh", tape, "the leg is not closed there")
+
+    def _inside_leg(self) -> Measure:
+        name = "inside_leg_length"
+        if not self.stance.stands or not self.legs_along(ASTRIDE):
+            return _missing(name, "the legs are not straight and upright")
+        if self.crotch is None:
+            return _missing(name, "the legs cannot be told apart below the crotch")
+        ends = np.array([[self.middle, height, self._depth] for height in (self.crotch, self.floor)])
+        return Measure(name, self.crotch - self.floor, ends @ self.frame)
+
+    @property
+    def _depth(self) -> float:
+        """Middle of the body from back to front, in the frame [m]."""
+        return float((self.skeleton.spine @ self.frame[2]).mean())
+
+    # Arms and shoulders
+
+    def _arm(self, arm: Bones) -> dict[str, Measure]:
+        part = self.limb(arm.number)
+
+        def round_at(point: float, normal: Points) -> Tape | None:
+            return tape_round(*part, _on(arm.curve, point), normal)
+
+        upper = round_at(UPPER_ARM / STEP - 0.5, arm.upper)
+        elbow = round_at(arm.middle, arm.upper + arm.lower) if arm.bend < 60.0 else None
+        wrist = shortest(round_at(at, arm.lower) for at in _points(WRISTS))
+        reason = "the elbow is bent by more than 60 degrees" if arm.bend >= 60.0 else "the arm is not closed there"
+        return {
+            "upper_arm": _taped("upper_arm", upper, "the arm is not closed there"),
+            "elbow": _taped("elbow", elbow, reason),
+            "wrist": _taped("wrist", wrist, "no wrist is there"),
+        }
+
+    def _shoulder_point(self, arm: Bones) -> Points | None:
+        """The shoulder point [m]: on top of the shoulder, a little nearer to the neck than the root of the arm."""
+        angle = self.stance.below_horizontal(arm.upper)
+        if angle < -RAISED or (angle < 45.0 and arm.upper @ self.frame[2] > 0.5):
+            return None
+        x, _, z = arm.curve[-1] @ self.frame.T
+        inwards = SHOULDER_INWARDS * np.interp(angle, HANGING, (1.0, 0.0)) * self.stature
+        x -= np.sign(x - self.middle) * inwards
+        near = (np.abs(self.upright[:, [0, 2]] - [x, z]) < SHOULDER_AROUND * self.stature).all(axis=1)
+        if not near.any():
+            return None
+        return np.array([x, self.upright[near, 1].max(), z]) @ self.frame
+
+    def _shoulder_width(self) -> Measure:
+        points = [self._shoulder_point(arm) for arm in self.stance.arms]
+        ends = [point for point in points if point is not None]
+        if len(ends) < 2:
+            return _missing("shoulder_width", "an arm is raised, or forward")
+        return Measure("shoulder_width", float(np.linalg.norm(ends[1] - ends[0])), np.stack(ends))
+
+    def _arm_length(self) -> Measure:
+        arm = self.stance.arms[0]
+        shoulder = self._shoulder_point(arm)
+        if shoulder is None:
+            return _missing("arm_length", "the arm is raised, or forward")
+        inside = shoulder - self.frame[1] * SHOULDER_DEPTH * self.stature  # about which the arm turns
+        line = np.stack([shoulder, inside, arm.joint, arm.curve[arm.end]])
+        return Measure("arm_length", float(arc_lengths(line)[-1]), line)
+
+    def _back_length(self) -> Measure:
+        name = "back_length"
+        waist = self.levels.get("waist")
+        if self.neck is None or waist is None:
+            return _missing(name, f"no {'waist' if waist is None else 'neck'} is there")
+        tape = self.neck.line @ self.frame.T
+        nape = float(tape[np.argmin(tape[:, 2]), 1]) - NAPE_BELOW * self.stature
+        plane = Plane(self.frame[0] * self.middle, self.frame[[2, 1]], self.frame[0])
+        section = plane.section(self.body.points, self.body.triangles)
+        ends = [_first_crossing(section.ends, at) for at in (waist.height, nape)]
+        spots = section.ends.reshape(-1, 2)
+        spots = spots[(spots[:, 1] >= waist.height) & (spots[:, 1] <= nape)]
+        if any(end is None for end in ends):
+            return _missing(name, "the back is not closed there")
+        behind = np.array([[end, at] for end, at in zip(ends, (waist.height, nape), strict=True)])
+        ahead = behind + np.array([1.0, 0.0])  # so that the hull's lower side is the back
+        hull = np.array(convex_hull(np.vstack([spots, behind, ahead])))
+        back = hull[hull[:, 0] < behind[:, 0].max() + 0.5]
+        back = back[np.argsort(back[:, 1], kind="stable")]
+        return Measure(name, float(arc_lengths(back)[-1]), plane.in_space(back))
+
+    def _stature(self) -> Measure:
+        if not self.stance.stands:
+            return _missing("stature", "the body does not stand upright")
+        ends = np.array([[self.middle, height, self._depth] for height in (self.crown, self.floor)])
+        return Measure("stature", self.stature, ends @ self.frame)
+
+
+def _first_crossing(segments: Floats, height: float) -> float | None:
+    """The least first coordinate at which segments, shape [S, 2, 2], have this second coordinate; None: nowhere."""
+    low, high = segments[:, 0], segments[:, 1]
+    across = (low[:, 1] < height) != (high[:, 1] < height)
+    low, high = low[across], high[across]
+    share = (height - low[:, 1]) / (high[:, 1] - low[:, 1])
+    found = low[:, 0] + share * (high[:, 0] - low[:, 0])
+    return float(found.min()) if len(found) else None
+
+
+def _on(curve: Points, point: float) -> Points:
+    """A point of a curve between two of its rows, by number [m], shape [3]."""
+    row = np.arange(len(curve))
+    return np.array([np.interp(point, row, curve[:, axis]) for axis in range(3)])
+
+
+def _points(within: tuple[float, float]) -> Floats:
+    """Numbers of a limb's points between two fractions of the span from its tip, in half steps."""
+    return np.arange(within[0] / STEP - 0.5, within[1] / STEP, 0.5)
+
+
+def _taped(name: str, tape: Tape | None, reason: str) -> Measure:
+    return _missing(name, reason) if tape is None else Measure(name, tape.length, tape.line)
+
+
+def _missing(name: str, reason: str) -> Measure:
+    return Measure(name, None, np.zeros((0, 3)), reason)
