@@ -160,7 +160,12 @@ def test_where_it_left_many_crossings_the_attempt_with_contact_goes_on() -> None
 
 def test_where_that_crosses_too_nothing_is_left_to_try() -> None:
     sewn, levels = skirt()
-    assert after((sewn, LIMIT, 9), (levels, REST, VERTICES)) is None
+    assert after((sewn, LIMIT, VERTICES), (levels, REST, VERTICES)) is None
+
+
+def test_the_attempt_with_contact_goes_on_from_few_crossings_too() -> None:
+    sewn, levels = skirt()
+    assert decisions(after((sewn, LIMIT, 9), (levels, REST, VERTICES))) == ("accelerated", True, 0)
 
 
 def test_what_is_torn_where_it_is_placed_is_tried_by_the_multilevel_method() -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import warp_cloth
+from warp_cloth.anatomy.openings import ARMS, LEGS
 from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, Skeleton
 from warp_cloth.dressing.free_space import FreeSpace
 from warp_cloth.dressing.posing import STATIONS, PosedBody
@@ -74,7 +76,79 @@ def test_arms_leave_by_the_sleeves(tshirt: Outfit, skeleton: Skeleton) -> None:
     assert not posed.pierced(garment.points)
 
 
-def test_a_tshirt_that_starts_behind_its_body_is_worn_all_the_same(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def write_circle_skirt(
+    path: Path, girth: float, waist: float, half: float, *, rows: int = 14, columns: int = 25
+) -> None:
+    """A skirt of two fans, one 20 cm before the body and one behind it, sewn along their straight edges.
+
+    girth of its waist [m], which starts ``waist`` high [m]; ``half`` the angle of a fan.
+    """
+    inner = girth / (4.0 * half)
+    radius, angle = np.meshgrid(np.linspace(inner, inner + 0.5, rows), np.linspace(-half, half, columns), indexing="ij")
+    across, down = radius * np.sin(angle), radius * np.cos(angle)
+    seam = np.isin(np.arange(columns), (0, columns - 1))
+    corner = np.arange(rows * columns).reshape(rows, columns)
+    vertices, texcoords, faces = [], [], []
+    for side, depth in ((0, 0.2), (1, -0.2)):
+        places = np.stack([across, waist + inner - down, np.where(seam, 0.0, depth) + 0.0 * across], axis=-1)
+        vertices += places.reshape(-1, 3).tolist()
+        texcoords += np.stack([across + 3.0 * side, -down], axis=-1).reshape(-1, 2).tolist()
+        number = corner + side * corner.size + 1
+        welded = np.where(seam, corner + 1, number)  # the fan behind shares the seams' vertices
+        for first, second, third in ((0, 1, 2), (0, 2, 3)):
+            for i in range(rows - 1):
+                for j in range(columns - 1):
+                    quad = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+                    turn = [quad[first], quad[second], quad[third]][:: 1 - 2 * side]
+                    faces.append("f " + " ".join(f"{welded[at]}/{number[at]}" for at in turn))
+    lines = ["v {:.6f} {:.6f} {:.6f}".format(*each) for each in vertices]
+    lines += ["vt {:.6f} {:.6f}".format(*each) for each in texcoords]
+    path.write_text("\n".join(lines + faces) + "\n")
+
+
+def test_a_circle_skirt_that_starts_round_the_arms_hangs_from_the_waist(tmp_path: Path) -> None:
+    write_circle_skirt(tmp_path / "skirt.obj", girth=0.8, waist=1.05, half=np.radians(80.0))
+    scene = load_scene(
+        {
+            "garment": {"mesh": str(tmp_path / "skirt.obj"), "units": "m"},
+            "avatar": {"shape": {"kind": "mannequin"}},
+        }
+    )
+    (wearing,) = load_outfit(scene).wearing
+    assert wearing is not None
+    assert wearing.limbs == (LEGS, LEGS)
+    assert set(wearing.pierced(wearing.start)) & set(ARMS)
+    fit = warp_cloth.fit(scene, device="cpu")
+    assert fit.report["attempts"][0]["start"] == "posed"
+    assert fit.worn, fit.message
+    points = fit.garments[0].points
+    assert not wearing.pierced(points)
+    assert not wearing.sunk(points)
+    hem, waist = wearing.openings
+    assert np.ptp(points[hem.loop], axis=0)[0] < 0.75 * np.ptp(wearing.start[hem.loop], axis=0)[0]
+    assert points[waist.loop, 1].mean() - points[hem.loop, 1].mean() > 0.42  # of 0.5 along the cloth
+
+
+def test_a_skirt_that_slid_down_has_sunk_and_a_shirt_that_did_is_held_otherwise(tshirt: Outfit) -> None:
+    (wearing,), (garment,) = tshirt.wearing, tshirt.garments
+    assert wearing is not None
+    lower = garment.points - 0.2 * wearing.skeleton.up
+    assert wearing.drop(lower) == pytest.approx(0.2)
+    assert not wearing.sunk(lower)
+    skirt = replace(wearing, limbs=tuple(LEGS for _ in wearing.limbs))
+    assert skirt.sunk(lower)
+    assert not skirt.sunk(garment.points - 0.05 * wearing.skeleton.up)
+
+
+def test_points_between_two_sheets_are_between_layers() -> None:
+    corners, triangles = wall(0.5)
+    behind = corners + np.array([0.0, 0.0, 0.3])
+    space = FreeSpace.around(np.vstack([corners, behind]), np.vstack([triangles, triangles + 4]).astype(np.int32))
+    points = np.array([[0.0, 0.0, 0.15], [0.0, 0.0, -0.1], [0.6, 0.0, 0.15]])
+    assert space.between_layers(points, np.array([0.0, 0.0, 1.0])).tolist() == [True, False, False]
+
+
+def test_a_tshirt_that_starts_behind_its_body_is_worn_all_the_same(tmp_path: Path) -> None:
     """Its file places the panels 25 cm behind the body, so that both arms are outside."""
     outfit = load_outfit(load_scene("tshirt", COARSE))
     mesh = outfit.meshes[0]

@@ -12,7 +12,9 @@ from meshfiles import write_obj
 import warp_cloth
 from warp_cloth import ProblemCode
 from warp_cloth.avatar.exact import signed_distances
-from warp_cloth.avatar.penetration import edge_places, face_places, may_show, pierced, shown
+from warp_cloth.avatar.padding import FADED, SPARE, WHOLE, padded
+from warp_cloth.avatar.penetration import VISIBLE, Overlap, edge_places, face_places, may_show, pierced, shown
+from warp_cloth.model.result import Penetration
 from warp_cloth.shapes import sphere
 
 BALL = sphere(radius=0.05, centre=(0.0, 0.0, 0.0), edge=0.01)
@@ -75,18 +77,42 @@ def test_a_flat_triangle_over_a_ball_lies_as_deep_as_its_middle() -> None:
     assert showing(0.2 * ring, face) == (0, 0.0)  # too small to be asked for
 
 
-def test_cloth_too_coarse_for_the_body_under_it_says_so(tmp_path: Path) -> None:
-    scene = {
-        "garment": {"shape": {"kind": "square", "vertices_per_side": 7, "height": 0.91}},
-        "avatar": {"shape": {"kind": "sphere"}},
-        "collision": {"pixel_mm": 5},
-    }
-    worn = warp_cloth.fit(scene, device="cpu")
+COARSE = {
+    "garment": {"shape": {"kind": "square", "side": 0.3, "vertices_per_side": 8, "height": 0.7}},
+    "avatar": {"shape": {"kind": "sphere", "radius": 0.06}},
+}
+
+
+def test_a_body_that_shows_through_coarse_cloth_is_padded_until_it_does_not() -> None:
+    worn = warp_cloth.fit(COARSE, device="cpu")
+    assert worn.worn, worn.message
+    assert worn.report["penetration_mm"]["face_max"] < VISIBLE
+    assert {"key": "collision.offset_mm", "value": "raised"}.items() <= worn.report["choices"][-1].items()
+    last, before = worn.report["attempts"][-1], worn.report["attempts"][-2]
+    assert (last["start"], last["chosen"], before["chosen"]) == ("earlier attempt", True, False)
+
+
+def test_where_the_offset_is_stated_cloth_too_coarse_for_the_body_says_so() -> None:
+    worn = warp_cloth.fit({**COARSE, "collision": {"offset_mm": 3}}, device="cpu")
     assert worn.report["penetration_mm"]["max"] == 0.0
-    assert worn.report["penetration_mm"]["face_max"] > 1.0
+    assert worn.report["penetration_mm"]["face_max"] > VISIBLE
     (problem,) = (problem for problem in worn.problems if problem.code is ProblemCode.SHOWN_THROUGH)
     assert "Divide these faces to edges of 15 mm" in problem.remedy
     assert not worn.worn
+
+
+def test_padding_moves_the_skin_near_what_shows_and_no_other() -> None:
+    middle = BALL.points[0] / np.linalg.norm(BALL.points[0])
+    face = 0.046 * middle + 1e-3 * np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    none = np.zeros(0, dtype=np.int64)
+    faces, depths = np.zeros(1, dtype=np.int64), np.array([4e-3], dtype=np.float32)
+    overlap = Overlap(Penetration(0.0, 0.0, 0.0), none, none, none, faces, depths)
+    moved = padded(BALL, face, np.array([[0, 1, 2]], dtype=np.int32), overlap)
+    out = np.linalg.norm(moved - BALL.points, axis=1)
+    away = np.linalg.norm(BALL.points - face.mean(axis=0), axis=1)
+    assert out[away < WHOLE] == pytest.approx(4e-3 + SPARE)
+    assert not out[away > FADED].any()
+    assert ((moved - BALL.points) @ middle)[away < WHOLE].min() > 0.0
 
 
 def test_where_all_edges_are_short_no_face_is_asked_for() -> None:

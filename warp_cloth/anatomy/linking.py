@@ -18,6 +18,7 @@ from warp_cloth.anatomy.skeleton import HEAD, LIMBS, Skeleton
 from warp_cloth.base.mesh import Indices, Points
 
 BLOCK = 6  # segments of a curve whose triangles are looked for together
+SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most where its waist holds it
 FAR_SLEEVE = 0.3  # [m] above or below the shoulders: sleeves of any length begin nearer
 
 
@@ -116,6 +117,22 @@ class Wearing:
         if misplaced := self.misplaced(self.start):
             return f"an opening starts beside the {LIMBS[misplaced[0].wanted[0]]}"
         return ""
+
+    @property
+    def hangs_from_waist(self) -> bool:
+        """Whether neither the head nor an arm has an opening."""
+        return not any(set(limbs) & {HEAD, *ARMS} for limbs in self.limbs)
+
+    def drop(self, points: Points) -> float:
+        """How far the opening that starts highest has come down, with the garment at ``points`` [m]."""
+        up = self.skeleton.up
+        start = [float(self.start[opening.loop].mean(axis=0) @ up) for opening in self.openings]
+        top = int(np.argmax(start))
+        return start[top] - float(points[self.openings[top].loop].mean(axis=0) @ up)
+
+    def sunk(self, points: Points) -> bool:
+        """Whether a garment that hangs from the waist has slid down it, at ``points`` [m]."""
+        return self.hangs_from_waist and self.drop(points) > SUNK * self.skeleton.span
 
     def misplaced(self, points: Points) -> list[Misplaced]:
         """The openings that the wrong limbs pass through, with the garment at ``points`` [m]."""

@@ -14,6 +14,7 @@ from warp_cloth.model.result import Penetration
 STRETCHED = 0.2  # strain from which an edge is checked: one through a limb is longer than the limb is thick
 DEEP = 0.2  # depth over an edge's length from which it runs through: over a round limb a long edge dips less
 PLACES = np.linspace(0.0, 1.0, 9)[1:-1]  # sampled along an edge
+VISIBLE = 1.0  # [mm]; a smaller part of the avatar that shows through is not noticed
 LARGE = 0.018  # [m]; over a nose or a finger, 14 mm in radius, a shorter edge at the usual offset stays outside
 ROUNDING = 1e-3  # relative; more than that of a length computed from a float32 strain
 # barycentric weights of samples in a face

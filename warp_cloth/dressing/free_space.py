@@ -57,6 +57,14 @@ class FreeSpace:
         found[inside] = self.clearance[tuple(cells[inside].T)]
         return found
 
+    def between_layers(self, points: Points, direction: Points) -> NDArray[np.bool_]:
+        """Whether there is cloth both ahead of each point [m], shape [N, 3], and behind it, along a unit vector."""
+        depth = float(np.linalg.norm(self.cell * np.array(self.clearance.shape)))
+        steps = np.arange(0.0, depth, self.cell)[:, None] * direction
+        rays = [(points[:, None] + sign * steps).reshape(-1, 3) for sign in (1.0, -1.0)]
+        ahead, behind = ((self.clearances(ray) <= 0.0).reshape(len(points), -1).any(axis=1) for ray in rays)
+        return np.asarray(ahead & behind)
+
     def clearest(self, point: Points, reach: float) -> Points:
         """The middle of the clearest cell within ``reach`` of a point along each axis [m], shape [3]."""
         shape = np.array(self.clearance.shape)

@@ -95,7 +95,8 @@ def _turned_up(
 ) -> tuple[Points, float]:
     """A direction for an arm from ``start``, turned up as little as keeps it clear of cloth, and that angle [degrees].
 
-    The arm stays in the body's own plane; where no angle keeps it CLEAR, the clearest is taken.
+    The arm stays in the body's own plane, and as little as can be between layers of cloth that would fall on it; where
+    no angle keeps it CLEAR, the clearest is taken.
     """
     outward = skeleton.left if arm == LEFT_ARM else -skeleton.left
     flat = direction - skeleton.forward * (direction @ skeleton.forward)
@@ -103,15 +104,15 @@ def _turned_up(
     flat = flat + outward * max(SIDEWAYS - float(flat @ outward), 0.0)
     begin = float(np.arctan2(flat @ skeleton.up, flat @ outward))
     steps = np.arange(SPACING, length, SPACING)[:, None]
-    best, clearest, turned = flat, -1.0, 0.0
+    best, score, turned = flat, (-np.inf, 0.0), 0.0
     for turn in TURNS[begin + TURNS <= np.pi]:
         angle = begin + turn
         each = np.cos(angle) * outward + np.sin(angle) * skeleton.up
-        clearance = float(space.clearances(start + steps * each)[2:].min(initial=np.inf))
-        if clearance > clearest:
-            best, clearest, turned = each, clearance, float(np.degrees(turn))
-        if clearance > CLEAR:
-            break
+        along = (start + steps * each)[2:]
+        between = float(space.between_layers(along, skeleton.forward).sum())
+        clearance = float(space.clearances(along).min(initial=np.inf))
+        if (-between, min(clearance, CLEAR)) > score:
+            best, score, turned = each, (-between, min(clearance, CLEAR)), float(np.degrees(turn))
     return best, turned
 
 

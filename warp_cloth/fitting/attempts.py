@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import warp as wp
 
 from warp_cloth.anatomy.linking import Misplaced
+from warp_cloth.avatar.exact import exact_colliders
+from warp_cloth.avatar.padding import padded
+from warp_cloth.avatar.penetration import VISIBLE, Overlap
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.threads import map_in_threads
 from warp_cloth.contact.garments import GarmentCrossings, model_crossings, worn_crossings
 from warp_cloth.fitting.clock import StageClock
+from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.attempt import TORN, Attempt, Ended, next_attempt
@@ -35,6 +40,8 @@ class Run:
     torn: bool
     misplaced: tuple[tuple[Misplaced, ...], ...] = ()  # openings of each garment that the wrong limbs pass through
     pierced: bool = False  # whether cloth runs through the middle of a limb
+    sunk: bool = False  # whether a garment has slid down from the waist
+    overlap: Overlap | None = None  # with the avatar; None: there is none
     levels: tuple[LevelRun, ...] = ()
 
     @property
@@ -51,6 +58,8 @@ class Run:
             len(outcome.points),
             torn=self.torn,
             misplaced=self.pierced or any(self.misplaced),
+            sunk=self.sunk,
+            shown=self.overlap is not None and float(self.overlap.face_depths.max(initial=0.0)) > 1e-3 * VISIBLE,
             cut_short=outcome.cut_short,
         )
 
@@ -89,26 +98,40 @@ class Course:
 
 
 def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequence[tuple[LevelRun, ...]]) -> list[Run]:
-    """The runs of a problem's items, with their crossings and whether they are torn."""
-    worn = [outcome.points for outcome in outcomes]
+    """The runs of a problem's items, with what is measured of them to decide whether they have ended well."""
+    model, worn = problem.model, [outcome.points for outcome in outcomes]
+    for item, outcome in enumerate(outcomes):
+        if outcome.status is Status.DIVERGED:
+            model.set_points(outcome.points, item)
     if all(np.isfinite(points).all() for points in worn):
-        crossings = model_crossings(problem.model, problem.outfits)
+        crossings = model_crossings(model, problem.outfits)
     else:
-        crossings = worn_crossings(problem.outfits, worn, problem.model.device)
-    model = problem.model
-    strains = edge_strains(model)
-    torn = [bool((strains[model.of_item(item, model.edge_start)] > TORN).any()) for item in range(len(outcomes))]
+        crossings = worn_crossings(problem.outfits, worn, model.device)
+    every_strain = edge_strains(model)
+    strains = [every_strain[model.of_item(item, model.edge_start)] for item in range(len(outcomes))]
+    position = model.state.position if model.state.position.dtype is wp.vec3d else None
+    exact = exact_colliders(problem.avatar_surfaces(), model.device)
+    overlaps = avatar_overlaps(problem.outfits, worn, strains, exact, position)
     placements = map_in_threads(lambda item: _placement(problem.loaded[item], outcomes[item]), range(len(outcomes)))
     return [
-        Run(problem, item, outcome, crossings[item], torn[item], *placements[item], levels[item])
+        Run(
+            problem,
+            item,
+            outcome,
+            crossings[item],
+            bool((strains[item] > TORN).any()),
+            *placements[item],
+            overlaps[item],
+            levels[item],
+        )
         for item, outcome in enumerate(outcomes)
     ]
 
 
-def _placement(outfit: Outfit, outcome: Outcome) -> tuple[tuple[tuple[Misplaced, ...], ...], bool]:
-    """The openings of each garment that the wrong limbs pass through, and whether cloth runs through a limb."""
+def _placement(outfit: Outfit, outcome: Outcome) -> tuple[tuple[tuple[Misplaced, ...], ...], bool, bool]:
+    """A run's ``misplaced``, ``pierced`` and ``sunk``."""
     misplaced: list[tuple[Misplaced, ...]] = []
-    pierced, first = False, 0
+    pierced, sunk, first = False, False, 0
     for garment, wearing in zip(outfit.garments, outfit.wearing, strict=True):
         points = outcome.points[first : first + len(garment.points)]
         first += len(garment.points)
@@ -117,7 +140,8 @@ def _placement(outfit: Outfit, outcome: Outcome) -> tuple[tuple[tuple[Misplaced,
             continue
         misplaced.append(tuple(wearing.misplaced(points)))
         pierced = pierced or bool(wearing.pierced(points))
-    return tuple(misplaced), pierced
+        sunk = sunk or wearing.sunk(points)
+    return tuple(misplaced), pierced, sunk
 
 
 def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock: StageClock) -> Course:
@@ -134,7 +158,8 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
     outfit = first.problem.loaded[first.item]
     while (attempt := next_attempt([run.ended for run in runs], outfit)) is not None:
         device = first.problem.model.device
-        problem = build_problem([attempt.stated], [outfit], device, cache=cache, clock=clock, attempts=[attempt])
+        worn_by = _padded(runs[-1]) if attempt.paddings else outfit
+        problem = build_problem([attempt.stated], [worn_by], device, cache=cache, clock=clock, attempts=[attempt])
         levels: tuple[LevelRun, ...] = ()
         if attempt.begins_after is None:
             levels = begin(problem)
@@ -145,6 +170,18 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         clock.lap("relax")
         runs += finished_runs(problem, [outcome], [levels])
     return Course(tuple(runs))
+
+
+def _padded(run: Run) -> Outfit:
+    """The outfit of a run with the avatar padded where it showed through."""
+    outfit, overlap = run.problem.loaded[run.item], run.overlap
+    surface = outfit.starting_avatar
+    if surface is None or overlap is None:
+        raise ValueError("there is no avatar to pad")
+    starts = np.cumsum([0, *(len(garment.points) for garment in outfit.garments)])
+    triangles = np.concatenate([each.triangles + start for each, start in zip(outfit.garments, starts, strict=False)])
+    points = padded(surface, run.outcome.points, triangles, overlap)
+    return replace(outfit, padded=replace(surface, points=points))
 
 
 def start_where_left(problem: Problem, outcome: Outcome) -> None:

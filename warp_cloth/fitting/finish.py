@@ -6,18 +6,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.avatar.exact import exact_colliders
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.threads import map_in_threads
 from warp_cloth.fitting.attempts import Course, Run
 from warp_cloth.fitting.clock import StageClock
-from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.fitting.problem import Problem, tolerance_of
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.model.result import FitResult, Status, Strain, WornGarment
+from warp_cloth.model.result import FitResult, Strain, WornGarment
 from warp_cloth.report.build import build_report
 from warp_cloth.report.measurements import Measurements
 from warp_cloth.report.problems import find_problems
@@ -74,17 +71,10 @@ def finish_fits(
 
 
 def _measure(problem: Problem, runs: Sequence[Run]) -> list[Measurements]:
-    """Strains and penetration of every scene as it was relaxed."""
+    """What the report says of every scene as it was relaxed."""
     model, outcomes = problem.model, [run.outcome for run in runs]
-    for item, outcome in enumerate(outcomes):
-        if outcome.status is Status.DIVERGED:
-            model.set_points(outcome.points, item)
     strains = measured_strains(model)
-    worn = [outcome.points for outcome in outcomes]
-    exact = exact_colliders(problem.avatar_surfaces(), model.device)
-    position = model.state.position if model.state.position.dtype is wp.vec3d else None
     edge_strains = [strains.edge[model.of_item(item, model.edge_start)] for item in range(len(outcomes))]
-    overlaps = avatar_overlaps(problem.outfits, worn, edge_strains, exact, position)
 
     def strains_of(item: int) -> tuple[Strain, dict[str, Strain]]:
         yarns = strains.of_yarns(model.of_item(item, model.weave_start))
@@ -95,7 +85,7 @@ def _measure(problem: Problem, runs: Sequence[Run]) -> list[Measurements]:
         Measurements(
             *summaries[item],
             edge_strains=edge_strains[item],
-            overlap=overlaps[item],
+            overlap=runs[item].overlap,
             crossings=runs[item].crossings,
             contact=problem.contact_report(item),
             misplaced=runs[item].misplaced,

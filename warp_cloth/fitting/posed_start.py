@@ -10,6 +10,8 @@ from functools import partial
 
 import numpy as np
 
+from warp_cloth.anatomy.linking import curve_crossings
+from warp_cloth.anatomy.openings import ARMS
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.avatar.contact import followed
 from warp_cloth.avatar.depth import DEFAULT_REACH
@@ -17,7 +19,7 @@ from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.avatar.field import FieldBuild, build_contact_field
 from warp_cloth.avatar.layers import build_layered_buffers
 from warp_cloth.base.cache import Cache
-from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
 from warp_cloth.fitting.problem import Problem, build_problem
@@ -46,11 +48,16 @@ FRICTION = 0.5  # of cloth on skin: without any, straps slide off shoulders that
 THIN = 0.03  # [m]; what the body has at most around its curves while it is within the garment
 THICK = 0.25  # [m]; what it has just before it is whole
 SEWING = 1500  # iterations at most
-SEWING_CHECK = 100  # iterations between looks at the seams
+CHECK = 100  # iterations between looks at the seams, or at what falls
 SEWN = 0.2  # strain of the edges of seams that have closed
 STEPS = 24  # from there home
 POSED_FOR = 0.5  # fraction of the steps after which all limbs are home; then they only grow
 GROWTH = 2.0  # exponent of the thickness over the steps: slow while limbs move
+POSED_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
+HEAVY = 3000.0  # weight of cloth that falls, over that of sewn cloth: 10 kg/m2 stretches by less than 1 %
+FALLING = 3000  # iterations at most
+SLOW = 0.01  # [m] in CHECK iterations
+SLEEVE = 0.3  # [m] from an arm's opening; cloth farther off that the arm meets is no sleeve
 PIXEL = 0.006  # [m] of the body's layers; with 4 mm a start takes twice as long
 OFFSET = 0.003  # [m]
 MARGIN = 0.06  # [m] around the garment, within which the body is drawn
@@ -84,66 +91,145 @@ def start_posed(problem: Problem, cache: Cache) -> tuple[LevelRun, ...]:
 
 
 def _sewn_and_carried(scene: Scene, outfit: Outfit, device: str) -> _PosedStart:
-    (wearing,), avatar = outfit.wearing, outfit.avatar
-    if wearing is None or avatar is None:
-        raise ValueError("the garment has no openings, or the avatar no limbs")
-    sewing = _sewing_scene(scene)
-    (garment,) = garments_in(sewing, outfit.meshes)
-    garment = replace(garment, points=garment.points + wearing.shift(garment.points))
-    body = PosedBody(avatar, wearing.skeleton)
-    curves = curves_of(limb_routes(wearing, garment.points), wearing.skeleton, STATIONS)
-    surface = body.points(curves, THIN)
-    sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=surface))
-    attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
-    problem = build_problem([sewing], [sewn], device, attempts=[attempt])
-    relaxation = problem.relaxation
-    collider = _BodyCollider(avatar.triangles, device)
-    relaxation.set_collider(0, collider.of(surface, garment.points))
-    iterations = _sew(problem)
-    for step in range(1, STEPS + 1):
-        before, surface = surface, _on_the_way(body, curves, avatar, step)
-        exact = build_exact_collider(replace(avatar, points=before), device)
-        cloth = followed(exact, surface, problem.model.points())
-        problem.model.set_points(cloth)
-        relaxation.set_collider(0, collider.of(surface, cloth))
-        iterations = _relax(problem, iterations, BURST)
-    relaxation.update_model()
-    points = problem.model.points()
-    is_finite = bool(np.isfinite(points).all())
-    run = LevelRun(len(points), iterations, Status.ITERATION_LIMIT if is_finite else Status.DIVERGED)
-    return _PosedStart(points if is_finite else None, run)
+    dressing = _Dressing(scene, outfit, device)
+    dressing.sew()
+    if dressing.hangs_from_waist:
+        dressing.lift()
+    if dressing.is_skirt:
+        dressing.carry(1, POSED_STEPS, limbs_go=False)
+        dressing.fall()
+        dressing.carry(1, STEPS - POSED_STEPS, is_thick=True)
+    else:
+        if dressing.in_the_way:
+            dressing.fall()
+        dressing.carry(1, STEPS)
+    return dressing.ended()
 
 
-def _sew(problem: Problem) -> int:
-    """Relaxes until the seams have closed and nothing crosses; returns the iterations.
+class _Dressing:
+    """A garment that is sewn round the posed avatar and carried home."""
 
-    Not longer: cloth slides down a body without shoulders.
-    """
-    iterations = 0
-    while iterations < SEWING:
-        iterations = _relax(problem, iterations, SEWING_CHECK)
-        is_calm = problem.schedule is not None and problem.schedule.calm
-        if not is_calm and float(edge_strains(problem.model).max(initial=0.0)) < SEWN:
-            break
-    return iterations
+    def __init__(self, scene: Scene, outfit: Outfit, device: str) -> None:
+        (wearing,), avatar = outfit.wearing, outfit.avatar
+        if wearing is None or avatar is None:
+            raise ValueError("the garment has no openings, or the avatar no limbs")
+        self._wearing, self._avatar, self._device = wearing, avatar, device
+        sewing = _sewing_scene(scene)
+        (garment,) = garments_in(sewing, outfit.meshes)
+        self._start = garment.points + wearing.shift(garment.points)
+        garment = replace(garment, points=self._start)
+        self._body = PosedBody(avatar, wearing.skeleton)
+        self._posed = curves_of(limb_routes(wearing, garment.points), wearing.skeleton, STATIONS)
+        self._surface = self._body.points(self._posed, THIN)
+        sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
+        attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
+        self._problem = build_problem([sewing], [sewn], device, attempts=[attempt])
+        self._collider = _BodyCollider(avatar.triangles, device)
+        self._meet_body()
+        self._iterations = 0
 
+    @property
+    def in_the_way(self) -> bool:
+        """Whether cloth that is far from an arm's opening lies where the arm is at home."""
+        wearing, points, triangles = self._wearing, self._points, self._wearing.triangles
+        for arm in ARMS:
+            pairs = zip(wearing.openings, wearing.limbs, strict=True)
+            own = [opening.distances for opening, limbs in pairs if arm in limbs]
+            near = np.min([np.full(len(points), np.inf), *own], axis=0)
+            far = triangles[(near[triangles] > SLEEVE).all(axis=1)]
+            if curve_crossings(points, far, self._body.home[arm]):
+                return True
+        return False
 
-def _relax(problem: Problem, iterations: int, count: int) -> int:
-    """Relaxes for ``count`` iterations; returns how many there have been."""
-    problem.relaxation.run(count)
-    problem.relaxation.update_model()
-    if problem.schedule is not None:
-        problem.schedule.advance(iterations + count)
-    return iterations + count
+    def sew(self) -> None:
+        """Relaxes until the seams have closed and nothing crosses.
 
+        Not longer: cloth slides down a body without shoulders.
+        """
+        while self._iterations < SEWING:
+            self._relax(CHECK)
+            if not self._is_calm and float(edge_strains(self._problem.model).max(initial=0.0)) < SEWN:
+                break
 
-def _on_the_way(body: PosedBody, curves: list[Points], avatar: Mesh, step: int) -> Points:
-    """The avatar's vertices after a step of the way home [m]."""
-    if step == STEPS:
-        return avatar.points
-    done = step / STEPS
-    thickness = THIN + (THICK - THIN) * done**GROWTH
-    return body.points(body.between(curves, max(1.0 - done / POSED_FOR, 0.0)), thickness)
+    @property
+    def hangs_from_waist(self) -> bool:
+        return self._wearing.hangs_from_waist
+
+    @property
+    def is_skirt(self) -> bool:
+        return self._wearing.hangs_from_waist and all(len(limbs) != 1 for limbs in self._wearing.limbs)
+
+    def lift(self) -> None:
+        """Moves the garment to where its highest opening started.
+
+        Seams that close draw a wide skirt together, and what falls is too heavy for a waist to hold.
+        """
+        up, points = self._wearing.skeleton.up, self._points
+        self._problem.model.set_points(points + self._wearing.drop(points) * up)
+        self._meet_body()
+
+    def fall(self) -> None:
+        """Lets the garment hang, under a weight that makes it fall fast, until it is out of the arms' way and slow."""
+        self._set_weight(HEAVY)
+        before = self._points
+        for _ in range(0, FALLING, CHECK):
+            self._relax(CHECK)
+            if self.hangs_from_waist:
+                self.lift()
+            points = self._points
+            slow = float(((before - points) @ self._wearing.skeleton.up).max()) < SLOW
+            if slow and not self.in_the_way:
+                break
+            before = points
+        self._set_weight(1.0)
+
+    def carry(self, first: int, last: int, *, limbs_go: bool = True, is_thick: bool = False) -> None:
+        """Takes the body home, or only lets it grow, in steps of a burst each."""
+        for step in range(first, last + 1):
+            done = step / last
+            before = self._surface
+            if limbs_go and step == last:
+                self._surface = self._avatar.points
+            else:
+                thickness = THICK if is_thick else THIN + (THICK - THIN) * done**GROWTH
+                posed_for = 1.0 if is_thick else POSED_FOR
+                fraction = max(1.0 - done / posed_for, 0.0) if limbs_go else 1.0
+                self._surface = self._body.points(self._body.between(self._posed, fraction), thickness)
+            exact = build_exact_collider(replace(self._avatar, points=before), self._device)
+            self._problem.model.set_points(followed(exact, self._surface, self._points))
+            self._meet_body()
+            self._relax(BURST)
+
+    def ended(self) -> _PosedStart:
+        points = self._points
+        is_finite = bool(np.isfinite(points).all())
+        run = LevelRun(len(points), self._iterations, Status.ITERATION_LIMIT if is_finite else Status.DIVERGED)
+        return _PosedStart(points if is_finite else None, run)
+
+    @property
+    def _points(self) -> Points:
+        return self._problem.model.points()
+
+    @property
+    def _is_calm(self) -> bool:
+        """Whether cloth still crosses cloth."""
+        return self._problem.schedule is not None and self._problem.schedule.calm
+
+    def _meet_body(self) -> None:
+        self._problem.relaxation.set_collider(0, self._collider.of(self._surface, self._points))
+
+    def _set_weight(self, factor: float) -> None:
+        relaxation = self._problem.relaxation
+        relaxation.step.gravity = type(relaxation.step.gravity)(0.0, -factor, 0.0)
+        relaxation.drop_graphs()
+
+    def _relax(self, count: int) -> None:
+        problem = self._problem
+        problem.relaxation.run(count)
+        problem.relaxation.update_model()
+        self._iterations += count
+        if problem.schedule is not None:
+            problem.schedule.advance(self._iterations)
 
 
 def _sewing_scene(scene: Scene) -> Scene:

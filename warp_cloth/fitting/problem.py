@@ -322,7 +322,9 @@ def _avatar_contacts(
         reused = contact.reused_from(earlier, points) if earlier is not None else None
         return contact, reused or contact.collider(points)
 
-    sources = [(outfit.avatar, earlier, *(garment.points for garment in outfit.garments)) for outfit in outfits]
+    sources = [
+        (each.padded or each.avatar, earlier, *(garment.points for garment in each.garments)) for each in outfits
+    ]
     keys = {
         cache.key("contact", source, _avatar_collision(scene), device)
         for source, scene in zip(sources, scenes, strict=True)

@@ -45,10 +45,13 @@ class Outfit:
     poses: tuple[Points, ...] = ()  # vertices of a moving avatar, first pose to last [m], each shape [V, 3]
     predrape_garments: tuple[Garment, ...] = ()  # in the fabric of the predrape; empty: garments start as placed
     wearing: tuple[Wearing | None, ...] = ()  # of each garment; None: a sheet, or on what has no limbs, or moves
+    padded: Mesh | None = None  # the avatar as garments meet it, where it would show through their faces otherwise
 
     @property
     def starting_avatar(self) -> Mesh | None:
-        """The avatar in its first pose, in which the garments start."""
+        """The avatar that the garments meet as they start, in its first pose."""
+        if self.padded is not None:
+            return self.padded
         return replace(self.avatar, points=self.poses[0]) if self.avatar is not None and self.poses else self.avatar
 
 

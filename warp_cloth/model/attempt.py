@@ -25,6 +25,9 @@ LEVELS_ITERATIONS = 10_000
 # designs with 0.01 to 0.07 all but one came apart, with 0.1 or more none.
 FEW_CROSSINGS = 0.08
 
+MOST_PADDINGS = 3  # of the avatar under faces that it shows through
+OFFSET_KEY = "collision.offset_mm"
+
 TORN = 0.5  # strain of an edge: twice what any worn knit reaches, so it is a seam that did not close
 
 
@@ -54,6 +57,7 @@ class Attempt:
     patience: Patience = Patience.NONE
     ends_crossing: bool = False  # whether it ends where cloth passes through cloth
     posed: bool = False  # whether it starts sewn round the avatar as it is posed within the garments
+    paddings: int = 0  # how often the avatar has been padded where it showed through
 
     @property
     def touches(self) -> bool:
@@ -82,6 +86,8 @@ class Ended:
     vertices: int  # of all garments
     torn: bool = False  # whether an edge is stretched as no worn cloth is
     misplaced: bool = False  # whether a limb is outside its opening, or cloth runs through its middle
+    sunk: bool = False  # whether a garment has slid down from the waist
+    shown: bool = False  # whether the avatar shows through faces whose corners are outside
     cut_short: CutShort | None = None
 
     @property
@@ -96,10 +102,11 @@ class Ended:
         return self.status is Status.AT_REST and self.apart and not self.torn and not self.misplaced
 
     @property
-    def rank(self) -> tuple[bool, bool, bool, bool, bool, bool, int]:
+    def rank(self) -> tuple[bool, bool, bool, bool, bool, bool, bool, bool, int]:
         """Larger is better."""
         finite, rests, whole = self.status is not Status.DIVERGED, self.status is Status.AT_REST, not self.torn
-        return finite, self.well, not self.misplaced, self.apart and rests, self.apart, whole, -self.crossings
+        placed, held, covers = not self.misplaced, not self.sunk, not self.shown
+        return finite, self.well, placed, held, covers, self.apart and rests, self.apart, whole, -self.crossings
 
 
 def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Attempt:
@@ -120,19 +127,26 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     """What a scene is fitted with after these attempts; None: all is well, or there is nothing else to try.
 
     Cloth that crosses is relaxed again with contact. Cloth that is torn or tangled round a limb is sewn again, round
-    the avatar as it is posed within the garment. Cloth that does not come to rest is relaxed by the multilevel method
-    without contact, which sews and lets fall as a whole; where that leaves few crossings they are then undone, and
-    where it leaves many the attempt with contact goes on.
+    the avatar as it is posed within the garment, and so is a skirt that slid down. Where the avatar shows through
+    faces, it is padded under them. Cloth that does not come to rest is relaxed by the multilevel method without
+    contact, which sews and lets fall as a whole; where that leaves few crossings they are then undone, and where it
+    leaves many the attempt with contact goes on.
     """
     ended = history[-1]
     attempt, stated = ended.attempt, ended.attempt.stated
-    if ended.well or ended.status is Status.DIVERGED or stated.solver.start == "dressed":
+    may_end = ended.well and not (ended.sunk or ended.shown)
+    if may_end or ended.status is Status.DIVERGED or stated.solver.start == "dressed":
         return None
     if stated.solver.iterations is not None and ended.status is not Status.AT_REST and ended.cut_short is None:
         return None  # as many iterations as the scene wants
     posed_next = _may_pose(stated, outfit) and not any(each.attempt.posed for each in history)
     if posed_next and (ended.torn or ended.misplaced or (ended.cut_short is CutShort.CROSSING and attempt.touches)):
         return _posed(stated, outfit, "cloth was torn or tangled round a limb")
+    if posed_next and ended.sunk:
+        return _posed(stated, outfit, "it slid down from the waist")
+    if ended.well:
+        may_pad = "offset_mm" not in stated.collision.model_fields_set and attempt.paddings < MOST_PADDINGS
+        return _padded(ended, len(history) - 1) if ended.shown and may_pad else None
     may_touch = stated.collision.cloth is not False
     levels_next = _may_have_levels(stated) and not any(each.attempt.has_levels for each in history)
     if attempt.touches:
@@ -163,7 +177,7 @@ def _untangling_start(history: Sequence[Ended]) -> int | None:
         if ended.crossings <= FEW_CROSSINGS * ended.vertices and not ended.torn:
             return len(history) - 1
         for number, each in enumerate(history):
-            if each.attempt.touches and not each.crossings and not each.torn:
+            if each.attempt.touches and each.crossings <= FEW_CROSSINGS * each.vertices and not each.torn:
                 return number
     return None
 
@@ -211,6 +225,15 @@ def _posed(stated: Scene, outfit: Outfit, why: str) -> Attempt:
         stated, method, touches, why_contact, "its iterations are the cheapest", None, last=not _may_have_levels(stated)
     )
     return replace(attempt, posed=True, choices=(*attempt.choices, Choice("solver.start", "posed", why)))
+
+
+def _padded(ended: Ended, number: int) -> Attempt:
+    """The same attempt, from where it ended, with the avatar padded where it shows through."""
+    before = ended.attempt
+    others = [choice for choice in before.choices if choice.key != OFFSET_KEY]
+    raised = Choice(OFFSET_KEY, "raised", "the body showed through large faces, and is padded under them")
+    choices = (*others, raised)
+    return replace(before, begins_after=number, posed=False, paddings=before.paddings + 1, choices=choices)
 
 
 def _attempt(

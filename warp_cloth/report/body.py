@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_cloth.avatar.penetration import VISIBLE
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
 from warp_cloth.report.judged import Judged, JudgedScene, listed, own
@@ -15,7 +16,6 @@ from warp_cloth.report.numbers import short_number
 if TYPE_CHECKING:
     from warp_cloth.avatar.penetration import Overlap
 
-VISIBLE = 1.0  # [mm]; a smaller part of the avatar that shows through is not noticed
 DEEP = 1.0  # [mm]; a third of the usual offset, and no more than float32 and the collider leave
 UNSEEN = 5.0  # [mm]; where a hundredth of the surface has a larger error, cloth rests on what is not there
 

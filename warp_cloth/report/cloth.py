@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from warp_cloth.anatomy.openings import Limbs, Opening
+from warp_cloth.anatomy.skeleton import LIMBS
 from warp_cloth.base.quantiles import quantiles
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import TORN
@@ -15,6 +17,8 @@ from warp_cloth.report.judged import Judged, listed
 WRONG_SCALE = 0.3  # strain of half the edges: the tightest of worn cloth has less
 # Of 81 designs at rest, in the size that they were drafted in, up to 0.09 of the edges' length is stretched by 0.2.
 TIGHT, TIGHT_SHARE = 0.2, 0.15
+# Strain of an opening's whole edge, which no garment of its size has, and how far from it its cloth is drawn along [m].
+TIGHT_OPENING, AROUND = 0.3, 0.12
 # Angle between the normals of neighbouring triangles, and the fraction of hinges folded so sharply: of these designs
 # 0.06 at most, in a silk skirt of many panels.
 SHARP, BUNCHED = np.radians(120.0), 0.1
@@ -27,8 +31,10 @@ CROSSED_WITHOUT_CONTACT = 0.05
 
 def cloth_problems(judged: Judged) -> Iterator[FitProblem]:
     """Problems of a garment with its own cloth, and with other garments'."""
-    found = wrong_scale(judged), too_small(judged), bunched_up(judged), seam_open(judged), crossing(judged)
+    tight = tight_openings(judged)
+    found = wrong_scale(judged), too_small(judged), bunched_up(judged), seam_open(judged, tight), crossing(judged)
     yield from (problem for problem in found if problem is not None)
+    yield from (_too_tight(judged, *each) for each in tight)
 
 
 def wrong_scale(judged: Judged) -> FitProblem | None:
@@ -67,6 +73,34 @@ def too_small(judged: Judged) -> FitProblem | None:
     )
 
 
+def tight_openings(judged: Judged) -> list[tuple[Opening, Limbs, float]]:
+    """The openings around which edges look torn and are only tight, whom they are for, and their girths as worn [m]."""
+    wearing, torn = judged.of.outfit.wearing[judged.index], judged.edge_ends[judged.strains > TORN]
+    if wearing is None or not len(torn):
+        return []
+    found = []
+    for opening, limbs in zip(wearing.openings, wearing.limbs, strict=True):
+        loop = judged.points[opening.loop]
+        worn = float(np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum())
+        is_near = float(opening.distances[torn].max(axis=1).min()) <= AROUND
+        if is_near and worn > (1.0 + TIGHT_OPENING) * opening.girth:
+            found.append((opening, limbs, worn))
+    return found
+
+
+def _too_tight(judged: Judged, opening: Opening, limbs: Limbs, worn: float) -> FitProblem:
+    body = " and ".join(LIMBS[limb] for limb in limbs) or "body"
+    return FitProblem(
+        ProblemCode.TOO_SMALL,
+        f'"{judged.name}" is too small for the body: its opening for the {body}, {100 * opening.girth:.0f} cm around, '
+        f"is stretched to {100 * worn:.0f} cm.",
+        "Use a larger size or a softer fabric, or a smaller body.",
+        judged.name,
+        {"girth_mm": 1e3 * opening.girth, "worn_girth_mm": 1e3 * worn, "limit": TIGHT_OPENING},
+        vertices=listed(opening.loop),
+    )
+
+
 def bunched_up(judged: Judged) -> FitProblem | None:
     """Cloth crumpled into sharp folds, as where it has gathered at a limb."""
     topology, points, triangles = judged.garment.rest.topology, judged.points, judged.garment.triangles
@@ -93,10 +127,12 @@ def bunched_up(judged: Judged) -> FitProblem | None:
     )
 
 
-def seam_open(judged: Judged) -> FitProblem | None:
-    """Edges still far longer than they are cut."""
+def seam_open(judged: Judged, tight: Sequence[tuple[Opening, Limbs, float]] = ()) -> FitProblem | None:
+    """Edges still far longer than they are cut, but for those around openings that are too tight."""
     strains = judged.strains
     edges = np.flatnonzero(strains > TORN)
+    for opening, _, _ in tight:
+        edges = edges[opening.distances[judged.edge_ends[edges]].max(axis=1) > AROUND]
     if not len(edges):
         return None
     ends, most = judged.edge_ends[edges], float(strains[edges].max())

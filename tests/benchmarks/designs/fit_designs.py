@@ -3,8 +3,8 @@
     python tests/benchmarks/designs/fit_designs.py --designs designs --data ../shared/data --out out --device cpu
 
 Each item states its mesh, its fabric (cotton, jersey, silk, denim by turns) and its body, and nothing else but what
---set names. Writes judged.csv into --out, and prints the table and a summary. A batch that is in --out already goes on
-where it was.
+--set names. With --bodies every --every-th design is fitted on each of these bodies instead of its own. Writes
+judged.csv into --out, and prints the table and a summary. A batch that is in --out already goes on where it was.
 """
 
 from __future__ import annotations
@@ -45,6 +45,15 @@ def designs_of(folder: Path, data: Path, only: list[str]) -> list[dict[str, str]
         if not only or row["name"] in only:
             found.append(job)
     return found
+
+
+def pairs_of(jobs: list[dict[str, str]], bodies: list[Path], every: int) -> list[dict[str, str]]:
+    """Every so many-th of these jobs on each body."""
+    return [
+        {**job, "name": f"{job['name']}.{body.stem}", "avatar.mesh": str(body.resolve())}
+        for body in bodies
+        for job in jobs[::every]
+    ]
 
 
 def run_batch(jobs: list[dict[str, str]], changes: list[str], given: argparse.Namespace) -> None:
@@ -110,6 +119,8 @@ def main() -> None:
     parse.add_argument("--designs", type=Path, required=True, help="folder of index.csv")
     parse.add_argument("--data", type=Path, required=True, help="folder of garmentcode/ and bodies/")
     parse.add_argument("--out", type=Path, default=Path("designs_out"))
+    parse.add_argument("--bodies", type=Path, nargs="+", default=[], metavar="OBJ")
+    parse.add_argument("--every", type=int, default=4, help="with --bodies")
     parse.add_argument("--only", nargs="+", default=[], metavar="NAME")
     parse.add_argument("--device")
     parse.add_argument("--workers", type=int)
@@ -117,6 +128,8 @@ def main() -> None:
     add_write_option(parse)
     given = parse.parse_args()
     jobs = designs_of(given.designs, given.data, given.only)
+    if given.bodies:
+        jobs = pairs_of(jobs, given.bodies, given.every)
     run_batch(jobs, given.changes, given)
     rows = judged_rows(jobs, given.out / "batch")
     names = list(dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)]))
@@ -127,12 +140,13 @@ def main() -> None:
     for row in rows:
         print("  ".join(str(row[column]) for column in COLUMNS))
     with Figures(__file__, given, device=given.device or "cpu") as figures:
-        figures.add("designs", str(len(rows)), "designs")
-        figures.add("at_rest", str(sum(row["status"] == "at_rest" for row in rows)), "designs")
+        group = "pairs" if given.bodies else "designs"
+        figures.add("designs", str(len(rows)), group)
+        figures.add("at_rest", str(sum(row["status"] == "at_rest" for row in rows)), group)
         verdicts = Counter((row["worn"] == "true", row["judge"] == "good") for row in rows)
         for (worn, good), count in sorted(verdicts.items()):
             name = f"{'worn' if worn else 'not_worn'}.judged_{'good' if good else 'bad'}"
-            figures.add(name, str(count), "designs")
+            figures.add(name, str(count), group)
 
 
 if __name__ == "__main__":
