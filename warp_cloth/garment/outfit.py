@@ -21,7 +21,7 @@ from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
-from warp_cloth.loading import check_sizes, load_mesh, load_poses, without_area
+from warp_cloth.loading import Placement, check_sizes, load_mesh, load_poses, without_area
 from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.scene.predrape import predrape_scene_of
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
@@ -29,7 +29,7 @@ from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, ma
 DEFAULT_SIZE = "M"
 FABRIC_KEYS = {"fabric", "pin", "name"}  # keys of a garment that its rest geometry does not depend on
 # keys of a garment or an avatar that its mesh depends on
-MESH_KEYS = {"mesh", "shape", "prim", "units", "up", "rest", "uv_units"}
+MESH_KEYS = {"mesh", "shape", "prim", "units", "up", "translate", "rotate", "scale", "rest", "uv_units"}
 
 T = TypeVar("T")
 Key = tuple[str, ...]
@@ -276,6 +276,7 @@ def _geometry(mesh: Mesh, spec: GarmentSpec, key: str) -> RestGeometry:
         mesh,
         rest=spec.rest,
         metres_per_uv=spec.uv_metres if spec.mesh is not None else spec.uv_metres or 1.0,  # shapes are in metres
+        scale=spec.scale,
         grain=grain,
         rest_angles=spec.rest_angles,
         place=place,
@@ -292,13 +293,25 @@ def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tu
 
 
 def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None, drafts: Cache) -> Mesh:
-    if spec.mesh is not None:
-        load = partial(load_mesh, spec.mesh, role="garment", key=key, prim=spec.prim, units=spec.units, up=spec.up)
-        mesh = load(rest=spec.rest)
-        # triangles without area serve panels alone, and whether there are panels shows only now
-        kept = spec.rest == "auto" and bool(without_area(mesh.points, mesh.triangles).any())
-        return load(rest="mesh") if kept and choose_rest(mesh, "auto", spec.uv_metres, key).kind == "mesh" else mesh
-    return build_garment(spec.shape, body=body, cache=drafts)
+    placement = Placement(spec.translate, spec.rotate, spec.scale)
+    if spec.mesh is None:
+        mesh = build_garment(spec.shape, body=body, cache=drafts)
+        return replace(mesh, points=placement.moved(mesh.points * spec.scale))
+    load = partial(
+        load_mesh,
+        spec.mesh,
+        role="garment",
+        key=key,
+        prim=spec.prim,
+        units=spec.units,
+        up=spec.up,
+        placement=placement,
+    )
+    mesh = load(rest=spec.rest)
+    # triangles without area serve panels alone, and whether there are panels shows only now
+    kept = spec.rest == "auto" and bool(without_area(mesh.points, mesh.triangles).any())
+    as_modelled = kept and choose_rest(mesh, "auto", spec.uv_metres, key, spec.scale).kind == "mesh"
+    return load(rest="mesh") if as_modelled else mesh
 
 
 def _avatar_mesh(spec: AvatarSpec, size: str, drafts: Cache) -> Mesh:
