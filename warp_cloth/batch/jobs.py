@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import date, datetime, time
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.text import to_utf8
-from warp_cloth.base.toml_file import exists, read_toml
+from warp_cloth.base.toml_file import exists, read_toml, toml_text
 from warp_cloth.batch.product import AXES, product_rows
 from warp_cloth.loading.raw import counted
+from warp_cloth.scene.overrides import flat
 
 REMEDY = "give a table as .csv, .parquet or .toml, with the columns scene, name and scene keys such as garment.fabric"
 LARGEST_JOB_FILE = 200_000_000  # [bytes]; a million tables
@@ -28,7 +27,6 @@ PLAIN_NAME = re.compile(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}")
 INTEGER = re.compile(r"^([-+]?\d+)\.0+$")
 FRAME_INDEX = "__index_level_"  # prefix that pandas gives a data frame's index in a file
 TEXTS = ("name", "scene")  # columns that hold no numbers
-WHOLE = ("kind", "name")  # a table with one of these keys replaces the scene's; others change it key by key
 
 
 @dataclass(frozen=True)
@@ -191,17 +189,6 @@ def _item(row: Mapping[str, Any], number: int, folder: Path) -> Item:
     return Item(name, str(_from_folder("scene", scene or "", folder)), tuple(changes), problem)
 
 
-def flat(values: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
-    """Dotted keys and values of nested tables; a table with a key of WHOLE stays a table."""
-    found: list[tuple[str, Any]] = []
-    for key, value in values.items():
-        if isinstance(value, Mapping) and not any(word in value for word in WHOLE):
-            found += flat(value, f"{above}{key}.")
-        else:
-            found.append((f"{above}{key}", value))
-    return found
-
-
 def _from_folder(key: str, value: Any, folder: Path) -> Any:
     """A file next to the job file by its full path, for workers elsewhere; any other value unchanged."""
     names_file = key == "scene" or key.rpartition(".")[2] in FILE_KEYS
@@ -215,21 +202,6 @@ def _text(value: Any) -> str:
     if isinstance(value, str):
         return value
     return toml_text(value)
-
-
-def toml_text(value: Any) -> str:
-    """A value in TOML."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, (int, float, date, time, datetime)):
-        return str(value)
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{json.dumps(str(key))} = {toml_text(entry)}" for key, entry in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(toml_text(entry) for entry in value) + "]"
-    return json.dumps(str(value))
 
 
 def _check_names(items: Sequence[Item], place: str | Path) -> None:

@@ -59,7 +59,7 @@ class BatchReport:
     statuses: dict[str, int]  # items by status
     unwritten: dict[str, int]  # items whose results could not be written, by reason; the next run does them
     progress: BatchProgress
-    reasons: dict[str, int]  # why items have no worn garment, and how many each, the most frequent first
+    reasons: dict[str, tuple[str, ...]]  # why items have no worn garment, and their names, the most frequent first
     worn: int = 0  # items that are worn
     problems: dict[str, int] = field(default_factory=dict)  # items by code of their problems, the most frequent first
 
@@ -99,16 +99,16 @@ def run_batch(
     if ray is None:
         start_forkserver(device)
     if keep not in get_args(Keep):
-        raise InputError("--keep", f'"{keep}" is not known', f"use one of {', '.join(get_args(Keep))}")
-    if workers is not None and arguments.integer(workers, "--workers") < 1:
-        raise InputError("--workers", f"a batch needs at least 1 process, not {workers}", "give 1 or more")
-    if shard is not None and arguments.integer(shard, "--shard") < 1:
-        raise InputError("--shard", f"a shard needs at least 1 item, not {shard}", "give 1 or more")
+        raise InputError("keep", f'"{keep}" is not known', f"use one of {', '.join(get_args(Keep))}")
+    if workers is not None and arguments.integer(workers, "workers") < 1:
+        raise InputError("workers", f"a batch needs at least 1 process, not {workers}", "give 1 or more")
+    if shard is not None and arguments.integer(shard, "shard") < 1:
+        raise InputError("shard", f"a shard needs at least 1 item, not {shard}", "give 1 or more")
     began = time.perf_counter()
     pool = _pool(device, workers, ray)  # its processes start while the jobs are read
     try:
         items = read_jobs(jobs) if isinstance(jobs, (str, Path)) else checked_items(jobs)
-        store = Store(arguments.path(out, "--out").absolute(), keep)
+        store = Store(arguments.path(out, "out").absolute(), keep)
         store.open()
         with store.locked():
             store.check_batch(items)
@@ -267,16 +267,18 @@ class Batch:
         unwritten: collections.Counter[str] = collections.Counter()
         for number, reason in self._problems.items():
             unwritten[reason] += len(self._shards[number].items)
-        rows = zip(table["digest"].to_pylist(), table["message"].to_pylist(), strict=True)
-        failures = [str(message) for digest, message in rows if digest is None]
-        reasons = collections.Counter(reason for reason in failures if reason not in unwritten)
+        reasons: dict[str, list[str]] = {}
+        rows = zip(*(table[column].to_pylist() for column in ("name", "digest", "message")), strict=True)
+        for name, digest, message in rows:
+            if digest is None and message not in unwritten:
+                reasons.setdefault(str(message), []).append(str(name))
         problems = collections.Counter(code for codes in table["problems"].to_pylist() for code in codes)
         return BatchReport(
             self._store.folder,
             dict(statuses),
             dict(unwritten),
             self._progress,
-            dict(reasons.most_common()),
+            {reason: tuple(names) for reason, names in sorted(reasons.items(), key=lambda each: -len(each[1]))},
             sum(table["worn"].to_pylist()),
             dict(problems.most_common()),
         )

@@ -10,7 +10,8 @@ from typing import Any, get_args
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base import arguments
 from warp_cloth.base.errors import InputError
-from warp_cloth.batch.jobs import PLAIN_NAME, toml_text
+from warp_cloth.base.toml_file import toml_text
+from warp_cloth.batch.jobs import PLAIN_NAME
 from warp_cloth.fitting.fit import Fit, fit
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import load_outfit, worn_size
@@ -156,7 +157,7 @@ def fit_sizes(
     )
     for size in sizes:
         if not PLAIN_NAME.fullmatch(size):
-            remedy = f"use no slashes; folders go before it: --set garment.mesh=FOLDER/{SIZE}.obj"
+            remedy = f"use no slashes; folders go before it: override garment.mesh=FOLDER/{SIZE}.obj"
             raise InputError("sizes", f'"{size}" names a stage, and cannot be part of a file name', remedy)
     plain = [change for change in changes if SIZE not in change]
     sized = [change for change in changes if SIZE in change]
@@ -170,7 +171,7 @@ def fit_sizes(
     ]
     generated = isinstance(base.garments[0].shape, TshirtShape)
     if not sized and not generated:
-        raise InputError("sizes", "nothing in the scene depends on the size", f"--set garment.mesh=shirt_{SIZE}.obj")
+        raise InputError("sizes", "nothing in the scene depends on the size", f"override garment.mesh=shirt_{SIZE}.obj")
     if sized and not sizes:
         raise InputError("sizes", "no sizes are named", "give them from small to large: --size S --size M")
     names = tuple(sizes) or get_args(Size)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from warp_cloth.fitting.fit import Fit
     from warp_cloth.scene import Scene
 
+OVERRIDE = "override "  # as in scene/overrides.py, which is imported where a scene is read
 SMALLER = "use fewer vertices, or a device with more memory"
 
 
@@ -106,7 +107,7 @@ class _TaskRun:
         return [found[item.name] for item in items]
 
     def _scene(self, item: Item) -> Scene | ItemResult:
-        from warp_cloth.batch.jobs import toml_text
+        from warp_cloth.base.toml_file import toml_text
         from warp_cloth.scene import load_scene
 
         try:
@@ -114,7 +115,7 @@ class _TaskRun:
                 raise InputError(item.name, item.problem)
             scene = load_scene(item.scene, (*item.changes, f"name={toml_text(item.name)}"))
         except InputError as error:
-            return ItemResult(empty_row(item.name, Status.INVALID.value, str(error)))
+            return ItemResult(empty_row(item.name, Status.INVALID.value, _in_columns(error)))
         sources = [scene.avatar.mesh] if scene.avatar is not None else []
         for garment in scene.garments:
             sources += [garment.mesh, garment.grain_texture]
@@ -163,6 +164,14 @@ class _TaskRun:
         if not device_answers(self._task.device):
             raise DeviceLostError(f"{self._task.device} stopped responding: {error}") from error
         return empty_row(item.name, FAILED, f"{type(error).__name__}: {' '.join(str(error).split())}")
+
+
+def _in_columns(error: InputError) -> str:
+    """The error in a job file's words: the column of the cell that is wrong."""
+    if not error.place.startswith(OVERRIDE):
+        return str(error)
+    column = error.place.removeprefix(OVERRIDE).partition("=")[0]
+    return str(InputError(f"column {column}", error.problem, error.remedy))
 
 
 def out_of_memory(error: BaseException) -> bool:

@@ -14,7 +14,7 @@ import typer
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.cli.options import Changes, Device
+from warp_cloth.cli.options import Changes, Device, FabricName, On
 from warp_cloth.cli.terminal import BAD_INPUT, one_line_errors, output_folder
 
 if TYPE_CHECKING:
@@ -30,9 +30,11 @@ def fit(
         str,
         typer.Argument(
             help="Scene file (TOML), USD stage with a garment and an avatar, or the name of a shipped scene "
-            "(see `warp-cloth scenes`)."
+            "(see `warp-cloth scenes`); with --on, a garment's mesh."
         ),
     ],
+    on: On = None,
+    fabric: FabricName = None,
     device: Device = None,
     out: Annotated[
         Path, typer.Option(help="Output folder, for NAME.usdc, report.html, report.json and preview.png.")
@@ -61,10 +63,11 @@ def fit(
     problems); 2 bad input.
 
     \b
+    warp-cloth fit shirt.obj --on body.obj --fabric jersey
     warp-cloth fit tshirt --set garment.shape.size=L --maps all --colour ease
     warp-cloth fit stage.usda --set garment.prim=/World/shirt --set avatar.prim=/World/body
     """
-    with one_line_errors():
+    with one_line_errors("on", "fabric"):
         from warp_cloth.export.formats import check_inputs_kept, chosen_formats
         from warp_cloth.maps.kinds import chosen_colour, chosen_maps
         from warp_cloth.scene import load_scene
@@ -72,7 +75,7 @@ def fit(
         suffixes = chosen_formats(formats)
         map_names = chosen_maps(maps, place="--maps")
         colour_map = chosen_colour(colour, place="--colour")
-        chosen = load_scene(scene, changes or ())
+        chosen = load_scene(scene, changes or (), on=on, fabric=fabric)
         check_inputs_kept(chosen, out, suffixes)
         with output_folder(out, chosen.name):
             start_warp(verbose)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import _thread
 import os
+import re
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,6 +16,8 @@ import typer
 from warp_cloth.base.errors import InputError
 
 BAD_INPUT = 2  # exit status
+OPTIONS = ("device", "keep", "out", "ray", "shard", "workers")  # named as the arguments that they are passed to
+OVERRIDE = "override "  # as in scene/overrides.py, which --help does without
 RESEND_DELAY = 0.01  # [s] after an interrupt that would be lost: by then the object is freed
 INTERRUPTED = 130  # exit status of a shell's Ctrl-C
 
@@ -38,13 +41,25 @@ def print_error(sentence: str) -> None:
     print(f"error: {line}", file=sys.stderr)
 
 
+def in_flags(error: InputError, arguments: Sequence[str] = ()) -> str:
+    """The error in the command line's words: --set for an override, --NAME for these ``arguments`` of a function."""
+    place = f"--{error.place}" if error.place in (*OPTIONS, *arguments) else error.place
+    sentence = str(InputError(place, error.problem, error.remedy))
+    for name in arguments:
+        sentence = re.sub(rf'(?<![\w.-]){name}="([^"]*)"', rf"--{name} \1", sentence)
+    return re.sub(rf"\b{OVERRIDE}(?=\S)", "--set ", sentence)
+
+
 @contextmanager
-def one_line_errors() -> Iterator[None]:
-    """Ends the command with one plain line on bad input and on an interrupt, never with a traceback."""
+def one_line_errors(*arguments: str) -> Iterator[None]:
+    """Ends the command with one plain line on bad input and on an interrupt, never with a traceback.
+
+    ``arguments`` of the functions called are options of the same name.
+    """
     try:
         yield
     except InputError as error:
-        print_error(str(error))
+        print_error(in_flags(error, arguments))
         raise typer.Exit(BAD_INPUT) from None
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

@@ -86,8 +86,10 @@ class Fit(FitResult):
 def fit(
     scene: Scene | str | Path | Mapping[str, Any],
     *,
+    on: str | Path | None = None,
+    fabric: Any = None,
     device: str | None = None,
-    overrides: Sequence[str] = (),
+    overrides: Sequence[str] | Mapping[str, Any] = (),
     frames: int = 0,
     maps: str | Sequence[str] = (),
     start: Fit | str | Path | None = None,
@@ -99,9 +101,12 @@ def fit(
 
     Args:
         scene: the name of a shipped scene, a scene file (TOML), a USD stage, a dict with the keys of a scene file, or
-            the result of ``load_scene``.
+            the result of ``load_scene``; or, with ``on``, a garment's mesh file.
+        on: the body's mesh file, or "mannequin": ``fit("shirt.obj", on="body.obj", fabric="jersey")`` needs no scene.
+        fabric: of that garment: a shipped name, a .toml file, a table or a ``Fabric``.
         device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
-        overrides: changes to the scene, each ``"KEY=VALUE"``; not for a scene that is loaded already.
+        overrides: changes to the scene, each ``"KEY=VALUE"``, or a dict: ``{"garment.fabric": "denim"}``; not for a
+            scene that is loaded already.
         frames: number of intermediate shapes to keep.
         maps: fit maps to compute, such as "strain,pressure,ease", or "all".
         start: an earlier result, or its file (.usdc, .obj, .glb and the like). The garments start as they are worn
@@ -116,9 +121,13 @@ def fit(
     if progress is not None and not callable(progress):
         raise InputError("progress", f"must be a function, not {progress}", "pass a function, or None")
     report_progress = progress or (lambda _: None)
-    if isinstance(scene, Scene) and overrides:
-        raise InputError("overrides", "the scene is loaded already", "pass them to load_scene")
-    chosen = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
+    if isinstance(scene, Scene):
+        given = {"overrides": len(list(overrides)) > 0, "on": on is not None, "fabric": fabric is not None}
+        for late in (name for name, stated in given.items() if stated):
+            raise InputError(late, "the scene is loaded already", "pass it to load_scene")
+        chosen = scene
+    else:
+        chosen = load_scene(scene, overrides, on=on, fabric=fabric)
     map_names = check_maps(chosen_maps(maps), has_avatar=chosen.avatar is not None)
     device_name = device_named(device)
     if start is not None and chosen.avatar is not None and chosen.avatar.poses:

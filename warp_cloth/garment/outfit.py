@@ -18,6 +18,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.grain import Grain
+from warp_cloth.garment.mistaken import refuse_bodies
 from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
@@ -114,7 +115,9 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     cache = mesh_cache or MeshCache()
     meshes = [cache.make(recipe) for recipe in mesh_recipes(scene)]
     worn, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
-    check_sizes(list(zip(scene.garment_keys, worn, strict=True)), avatar)
+    keyed = list(zip(scene.garment_keys, worn, strict=True))
+    check_sizes(keyed, avatar)
+    refuse_bodies(keyed, avatar)
     garments, predrape_scene = _garments(scene, worn, cache), predrape_scene_of(scene)
     poses: tuple[Points, ...] = ()
     if avatar is not None and scene.avatar is not None and scene.avatar.poses:
