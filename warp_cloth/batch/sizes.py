@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base import arguments
@@ -14,14 +14,13 @@ from warp_cloth.base.toml_file import toml_text
 from warp_cloth.batch.jobs import PLAIN_NAME
 from warp_cloth.fitting.fit import Fit, fit
 from warp_cloth.garment.garment import Garment
-from warp_cloth.garment.outfit import load_outfit, worn_size
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.levels import body_levels
 from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
-from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
-from warp_cloth.scene.shapes import Size
-from warp_cloth.shapes import mannequin_measures
+from warp_cloth.scene import Scene, TshirtShape, load_scene
+from warp_cloth.scene.shapes import SIZES
 
 SIZE = "{size}"  # stands for the size in a change, as in garment.mesh=shirt_{size}.obj
 # Ease of a loose garment at its tightest level [m]: pattern books give 4 to 10 cm for shirts.
@@ -174,12 +173,12 @@ def fit_sizes(
         raise InputError("sizes", "nothing in the scene depends on the size", f"override garment.mesh=shirt_{SIZE}.obj")
     if sized and not sizes:
         raise InputError("sizes", "no sizes are named", "give them from small to large: --size S --size M")
-    names = tuple(sizes) or get_args(Size)
+    names = tuple(sizes if sized else (size.upper() for size in sizes)) or SIZES
     first = "garment" if len(base.garments) == 1 else "garment[0]"
     chosen = {}  # all scenes are read first: a mistyped size costs no fit
     for size in names:
         own = [change.replace(SIZE, size) for change in sized] or [f"{first}.shape.size={size}"]
-        chosen[size] = load_scene(scene, [*plain, *_body(base), *own])
+        chosen[size] = load_scene(scene, [*plain, *own])
     found = []
     for size, sized_scene in chosen.items():
         if progress is not None:
@@ -187,15 +186,6 @@ def fit_sizes(
         found.append(_fit_size(size, sized_scene, device))
     recommended, reason = recommendation(found, ease)
     return SizeRun(base.name, ease, tuple(found), recommended, reason)
-
-
-def _body(base: Scene) -> list[str]:
-    """Changes that keep the mannequin's measures as the scene has them, whatever the garment's size."""
-    shape = base.avatar.shape if base.avatar is not None else None
-    if not isinstance(shape, MannequinShape):
-        return []
-    measures = mannequin_measures(shape, size=worn_size(base))
-    return [f"avatar.shape.{name}={getattr(measures, name)}" for name in ("stature", "chest", "waist", "hip")]
 
 
 def _fit_size(size: str, scene: Scene, device: str | None) -> SizeFit:

@@ -23,11 +23,10 @@ from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
 from warp_cloth.loading import Placement, check_sizes, load_mesh, load_poses, without_area
-from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
+from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene
 from warp_cloth.scene.predrape import predrape_scene_of
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
-DEFAULT_SIZE = "M"
 FABRIC_KEYS = {"fabric", "pin", "name"}  # keys of a garment that its rest geometry does not depend on
 # keys of a garment or an avatar that its mesh depends on
 MESH_KEYS = {"mesh", "shape", "prim", "units", "up", "translate", "rotate", "scale", "rest", "uv_units"}
@@ -189,7 +188,7 @@ def avatar_recipe(scene: Scene) -> list[Recipe]:
         return []
     stamp = _file_stamp(scene.avatar.mesh)
     key = "avatar", _directory(scene), generated_body(scene), _values(scene.avatar, MESH_KEYS), stamp
-    return [Recipe(key, partial(_avatar_mesh, scene.avatar, worn_size(scene)))]
+    return [Recipe(key, partial(_avatar_mesh, scene.avatar))]
 
 
 def garment_keys(scene: Scene, index: int) -> GarmentKeys:
@@ -241,7 +240,7 @@ def _directory(scene: Scene) -> str:
 def _body(scene: Scene) -> MannequinMeasures | None:
     """The mannequin that generated garments are placed round."""
     worn_by = scene.avatar.shape if scene.avatar is not None else None
-    return mannequin_measures(worn_by, size=worn_size(scene)) if isinstance(worn_by, MannequinShape) else None
+    return mannequin_measures(worn_by) if isinstance(worn_by, MannequinShape) else None
 
 
 def generated_body(scene: Scene) -> str:
@@ -317,13 +316,7 @@ def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None, d
     return load(rest="mesh") if as_modelled else mesh
 
 
-def _avatar_mesh(spec: AvatarSpec, size: str, drafts: Cache) -> Mesh:
+def _avatar_mesh(spec: AvatarSpec, drafts: Cache) -> Mesh:
     if spec.mesh is not None:
         return load_mesh(spec.mesh, role="avatar", key="avatar", prim=spec.prim, units=spec.units, up=spec.up)
-    return build_avatar(spec.shape, size=size, cache=drafts)
-
-
-def worn_size(scene: Scene) -> str:
-    """The size whose standard body gives the mannequin measures left out: that of the innermost garment with a size."""
-    sizes = [garment.shape.size for garment in scene.garments if isinstance(garment.shape, TshirtShape)]
-    return sizes[0] if sizes else DEFAULT_SIZE
+    return build_avatar(spec.shape, cache=drafts)

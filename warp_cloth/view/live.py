@@ -120,10 +120,9 @@ class LiveFit:
         shape = self.scene.avatar.shape if self.scene.avatar is not None else None
         if not isinstance(shape, MannequinShape):
             return None
-        from warp_cloth.garment.outfit import worn_size
         from warp_cloth.shapes import mannequin_measures
 
-        measures = mannequin_measures(shape, size=worn_size(self.scene))
+        measures = mannequin_measures(shape)
         return {name: float(getattr(measures, name)) for name in BODY_MEASURES}
 
     def advance(self) -> None:
