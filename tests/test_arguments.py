@@ -59,5 +59,5 @@ def test_what_changes_a_scene_comes_before_it_is_loaded() -> None:
 
 
 def test_several_texts_may_come_in_any_collection() -> None:
-    for several in (["ease"], ("ease",), {"ease"}, np.array(["ease"]), (name for name in ["ease"]), "ease"):
-        assert arguments.strings(several, "maps") == ("ease",)
+    for several in (["gap"], ("gap",), {"gap"}, np.array(["gap"]), (name for name in ["gap"]), "gap"):
+        assert arguments.strings(several, "maps") == ("gap",)

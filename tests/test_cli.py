@@ -90,7 +90,7 @@ def test_fit_hands_scene_device_and_frames_on_and_tells_what_was_written(stand_i
     assert result.exit_code == 0, result.output
     (made,) = stand_in.calls
     assert (made["device"], made["frames"], made["scene"].solver.iterations) == ("cpu", 3, 7)
-    assert "sphere: All forces balance." in result.output
+    assert "sphere: worn. All forces balance." in result.output
     assert str(Path("out") / "report.json") in result.output
     assert Path("out/report.json").is_file()
 
@@ -280,7 +280,7 @@ def test_summary_leaves_out_what_is_not_known() -> None:
         "avatar": {"notes": ["lies along z"]},
     }
     assert summary("x", report, [Path("out/x.usdc")]) == [
-        "x: Fine.",
+        "x: not worn. Fine.",
         "  residual     0.00912 relative rms, ? p99",
         "  iterations   12,345 (812 per second)",
         "  time         15.2 s on cpu",

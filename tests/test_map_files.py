@@ -78,7 +78,7 @@ def test_a_stage_reads_back_as_the_fit_that_wrote_it(tmp_path: Path) -> None:
 
 def test_a_legend_names_round_values() -> None:
     assert ticks(MAPS["strain"], (0.0, 0.025)) == pytest.approx([0.025, 0.02, 0.015, 0.01, 0.005, 0.0])
-    assert ticks(MAPS["ease"], (0.0, 40.0)) == pytest.approx([40.0, 30.0, 20.0, 10.0, 0.0])
+    assert ticks(MAPS["gap"], (0.0, 40.0)) == pytest.approx([40.0, 30.0, 20.0, 10.0, 0.0])
     assert ticks(MAPS["strain_warp"], (-0.025, 0.025))[2] == 0.0
 
 
@@ -199,7 +199,7 @@ def test_a_users_own_body_of_quads_is_read_where_it_stands(tmp_path: Path) -> No
 
 
 def test_fits_without_maps_in_common_are_refused(tmp_path: Path) -> None:
-    bare = replace(mapped(), fields={"ease": np.zeros(49, dtype=np.float32)})
+    bare = replace(mapped(), fields={"gap": np.zeros(49, dtype=np.float32)})
     with pytest.raises(InputError, match="no map that both fits have"):
         compare_fits(WrittenFit("a", (mapped(),), None, {}), WrittenFit("b", (bare,), None, {}))
     write_stage(tmp_path / "bare.usdc", garments=[replace(mapped(), fields={})], avatar=None, name="bare")

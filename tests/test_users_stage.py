@@ -40,7 +40,7 @@ def world_points(stage: Usd.Stage, path: str) -> np.ndarray:
 @pytest.fixture(scope="module")
 def metres(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Fit]:
     path = write_users_stage(tmp_path_factory.mktemp("metres"))
-    return path, fitted(path, maps="strain,pressure,ease")
+    return path, fitted(path, maps="strain,pressure,gap")
 
 
 def test_the_scene_comes_from_the_physics_schema(metres: tuple[Path, Fit]) -> None:

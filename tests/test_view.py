@@ -96,7 +96,7 @@ def test_reset_goes_back_to_the_start(live: LiveFit) -> None:
 def test_maps_are_there_while_it_moves(live: LiveFit) -> None:
     for _ in range(10):
         live.advance()
-    for name in ("ease", "pressure", "strain_warp"):
+    for name in ("gap", "pressure", "strain_warp"):
         shown = live.values(name)
         assert shown is not None
         assert len(shown[0][0]) == len(live.points)
@@ -105,10 +105,10 @@ def test_maps_are_there_while_it_moves(live: LiveFit) -> None:
 
 def test_the_saved_stage_is_what_is_shown(live: LiveFit, tmp_path: Path) -> None:
     live.advance()
-    stage = Usd.Stage.Open(str(live.saved(tmp_path, "ease")))
+    stage = Usd.Stage.Open(str(live.saved(tmp_path, "gap")))
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/scene/square/square_mesh"))
     assert np.allclose(mesh.GetPointsAttr().Get(), live.points, atol=1e-6)
-    assert UsdGeom.PrimvarsAPI(mesh).GetPrimvar("ease").HasValue()
+    assert UsdGeom.PrimvarsAPI(mesh).GetPrimvar("gap").HasValue()
     assert mesh.GetDisplayColorPrimvar().HasValue()
 
 

@@ -45,7 +45,7 @@ def fit(
     ] = 0,
     maps: Annotated[
         str,
-        typer.Option(help="Fit maps, separated by commas: strain, pressure, ease, a single one (strain_warp), or all."),
+        typer.Option(help="Fit maps, separated by commas: strain, pressure, gap, a single one (strain_warp), or all."),
     ] = "",
     colour: Annotated[str, typer.Option(help="The map that colours the garments in the stage.")] = "",
     formats: Annotated[
@@ -64,7 +64,7 @@ def fit(
 
     \b
     warp-cloth fit shirt.obj --on body.obj --fabric jersey
-    warp-cloth fit tshirt --set garment.shape.size=L --maps all --colour ease
+    warp-cloth fit tshirt --set garment.shape.size=L --maps all --colour gap
     warp-cloth fit stage.usda --set garment.prim=/World/shirt --set avatar.prim=/World/body
     """
     with one_line_errors("on", "fabric"):
@@ -101,16 +101,18 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
     """A fit in a few lines: its message, the certificate's main figures, the files written."""
     from warp_cloth.report.notes import notes_of
     from warp_cloth.report.numbers import shown_choice
+    from warp_cloth.report.shown import ease_lines, shown_verdict
 
     residual, strain = report.get("residual") or {}, report.get("strain") or {}
     yarns = {direction: strain[direction]["p99"] for direction in ("warp", "weft", "bias") if direction in strain}
     penetration, seconds = report.get("penetration_mm") or {}, report.get("seconds") or {}
-    lines = [f"{name}: {report.get('message') or report.get('status', 'unknown')}"]
-    rows = [
+    lines = [f"{name}: {shown_verdict(report).words}. {report.get('message') or report.get('status', 'unknown')}"]
+    rows = [("ease", line) for line in ease_lines(report)]
+    rows += [
         ("residual", _filled("{} relative rms, {} p99", residual, "relative_rms", "relative_p99")),
         ("rest error", _filled("{} mm", report, "rest_error_mm")),
-        ("strain", _filled("{} median, {} p99, {} max", strain, "p50", "p99", "max")),
-        ("yarn strain", _filled("{} warp, {} weft, {} bias (p99)", yarns, "warp", "weft", "bias")),
+        ("strain", _filled("{} median, {} p99, {} max", _percents(strain), "p50", "p99", "max")),
+        ("yarn strain", _filled("{} warp, {} weft, {} bias (p99)", _percents(yarns), "warp", "weft", "bias")),
         ("penetration", _filled("{} mm max, {} mm p99.9", penetration, "max", "p999")),
         ("crossings", _filled("{} pairs of faces", report.get("crossings") or {}, "pairs")),
         ("iterations", _filled("{} ({} per second)", report, "iterations", "iterations_per_second")),
@@ -126,15 +128,29 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
     return lines + [f"  wrote        {path}" for path in paths]
 
 
+def _percents(strains: Mapping[str, Any]) -> dict[str, Any]:
+    """Strains in per cent of the length at rest; what is no finite number is not known."""
+    from warp_cloth.report.shown import percent
+
+    numbers = {name: value for name, value in strains.items() if isinstance(value, float) and math.isfinite(value)}
+    return {name: percent(value) for name, value in numbers.items()}
+
+
 def _filled(text: str, values: Mapping[str, Any], *keys: str) -> str:
     """The text with these values filled in; empty if none of them is known."""
-    from warp_cloth.report.numbers import short_number
-
     found = [values.get(key) for key in keys]
     found = [None if isinstance(value, float) and not math.isfinite(value) else value for value in found]
     if all(value is None for value in found):
         return ""
-    return text.format(*("?" if v is None else f"{v:,}" if isinstance(v, int) else short_number(v) for v in found))
+    return text.format(*map(_shown, found))
+
+
+def _shown(value: Any) -> str:
+    from warp_cloth.report.numbers import short_number
+
+    if value is None:
+        return "?"
+    return value if isinstance(value, str) else f"{value:,}" if isinstance(value, int) else short_number(value)
 
 
 def batch(

@@ -22,10 +22,11 @@ from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
 from warp_cloth.fitting.warm_start import Worn, chosen_garments, saved_result, start_from
-from warp_cloth.maps import chosen_colour, chosen_maps, map_summary, measure_maps
+from warp_cloth.maps import add_girths, chosen_colour, chosen_maps, map_summary, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.model.attempt import Patience
 from warp_cloth.model.result import FitResult, LevelRun
+from warp_cloth.report.shown import shown_verdict
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Check
 from warp_cloth.solver.loop import Outcome, relax_to_rest
@@ -50,7 +51,28 @@ class Fit(FitResult):
     """A finished fit: status, worn garments, report."""
 
     def __repr__(self) -> str:
-        return f"<Fit of {self.scene.name!r}: {self.status.value}>"
+        problems = ", ".join(problem.code.value for problem in self.problems)
+        ended = f"{shown_verdict(self.report).words}, {self.status.value.replace('_', ' ')}"
+        return f"<Fit of {self.scene.name!r}: {ended}{f' ({problems})' if problems else ''}>"
+
+    def _repr_html_(self) -> str:
+        """What notebooks show: verdict, ease and picture."""
+        from warp_cloth.export.notebook import fit_html
+
+        return fit_html(self)
+
+    @property
+    def ease(self) -> dict[str, dict[str, float | None]]:
+        """By garment and level (chest, waist, hip): its girth as cut less the body's [m]; None: not closed round it.
+
+        Levels that a garment does not reach are left out; without a standing body there are none.
+        """
+        add_girths(self)
+        found: dict[str, dict[str, float | None]] = {}
+        for row in self.report["girths_mm"]:
+            ease = row["ease"]
+            found.setdefault(row["garment"], {})[row["level"]] = None if ease is None else 1e-3 * ease
+        return found
 
     def save(self, directory: str | Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
         """Writes the result files, and returns their paths.
@@ -108,7 +130,7 @@ def fit(
         overrides: changes to the scene, each ``"KEY=VALUE"``, or a dict: ``{"garment.fabric": "denim"}``; not for a
             scene that is loaded already.
         frames: number of intermediate shapes to keep.
-        maps: fit maps to compute, such as "strain,pressure,ease", or "all".
+        maps: fit maps to compute, such as "strain,pressure,gap", or "all".
         start: an earlier result, or its file (.usdc, .obj, .glb and the like). The garments start as they are worn
             there, if they have the same mesh or panels of the same names.
         progress: called with a ``Progress`` at every stage and check.
@@ -177,7 +199,7 @@ def _with_maps(result: FitResult, names: Sequence[str], problem: Problem) -> Fit
         replace(worn, fields={**worn.fields, **values})
         for worn, values in zip(result.garments, maps.fields, strict=True)
     )
-    report = {**result.report, "maps": map_summary(maps, garment_names), "girths_mm": list(maps.girths)}
+    report = {**result.report, "maps": map_summary(maps, garment_names)}
     if maps.notes:
         report["map_notes"] = list(maps.notes)
     return replace(result, garments=garments, report=report, maps=maps)

@@ -14,6 +14,7 @@ from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import openings_of
 from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
 from warp_cloth.base.cache import Cache
+from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.garment.garment import Garment
@@ -23,7 +24,7 @@ from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
 from warp_cloth.loading import Placement, check_sizes, load_mesh, load_poses, without_area
-from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene
+from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.scene.predrape import predrape_scene_of
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
@@ -274,9 +275,10 @@ def _values(spec: GarmentSpec | AvatarSpec, keys: set[str] | None) -> str:
 def _geometry(mesh: Mesh, spec: GarmentSpec, key: str) -> RestGeometry:
     place = key if spec.mesh is None else str(spec.mesh)
     grain = Grain(spec.grain_degrees, spec.grain_panels, spec.grain_texture)
-    return build_rest_geometry(
+    cut = spec.rest == "auto" and isinstance(spec.shape, TshirtShape)  # from panels, however it is placed
+    geometry = build_rest_geometry(
         mesh,
-        rest=spec.rest,
+        rest="uv" if cut else spec.rest,
         metres_per_uv=spec.uv_metres if spec.mesh is not None else spec.uv_metres or 1.0,  # shapes are in metres
         scale=spec.scale,
         grain=grain,
@@ -284,6 +286,10 @@ def _geometry(mesh: Mesh, spec: GarmentSpec, key: str) -> RestGeometry:
         place=place,
         key=key,
     )
+    if not cut:
+        return geometry
+    choices = (Choice(f"{key}.rest", "uv", "the shape is cut from flat panels"),)
+    return replace(geometry, source=replace(geometry.source, choices=choices))
 
 
 def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tuple[RestShape, Indices]:

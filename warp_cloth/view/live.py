@@ -205,7 +205,6 @@ class LiveFit:
             avatar=problem.outfit.avatar,
             garment_names=[spec.name for spec in self.scene.garments],
             device=self.device,
-            girths=False,
         )
         if name not in found.ranges:
             return None
