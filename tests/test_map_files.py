@@ -13,7 +13,7 @@ from pxr import Usd, UsdGeom, UsdShade, UsdValidation
 from worn import box_avatar, worn
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.export.comparison import save_comparison
+from warp_cloth.export.comparison import comparison_lines, save_comparison
 from warp_cloth.export.map_picture import MapPictures, ticks
 from warp_cloth.export.stage import write_stage
 from warp_cloth.export.surface import linear
@@ -154,6 +154,33 @@ def test_garments_are_compared_by_their_names_and_strangers_are_told_of() -> Non
     assert girth["first"] == girth["second"]
     panelled = [replace(worn, mesh=replace(worn.mesh, panel_names=("front",))) for worn in (shirt, other)]
     assert not compare_fits(*(WrittenFit("a", (worn,), None, {}) for worn in panelled)).notes
+
+
+def test_unrelated_garments_are_refused_with_the_reason() -> None:
+    shirt = mapped("shirt")
+    mesh = replace(shirt.mesh, triangles=shirt.mesh.triangles[::-1].copy(), panels=None, panel_names=())
+    below = replace(shirt, name="skirt", mesh=mesh, points=shirt.points - np.array([0.0, 0.5, 0.0]))
+    with pytest.raises(InputError, match=r'^a, b: "shirt" and "skirt" are not one garment: they share neither'):
+        compare_fits(WrittenFit("a", (shirt,), None, {}), WrittenFit("b", (below,), None, {}))
+
+
+def test_a_comparison_names_both_fits_and_gives_both_figures_and_the_change() -> None:
+    row = {"garment": "shirt", "level": "waist", "body_girth": 800.0, "garment_girth": 900.0, "natural_girth": 890.0}
+    reports = [
+        {"worn": worn, "strain": {"p99": 0.01}, "girths_mm": [{**row, "ease": ease}]}
+        for worn, ease in ((True, 90.0), (False, 40.0))
+    ]
+    fits = tuple(
+        WrittenFit("out", (mapped("shirt"),), None, report, Path(folder))
+        for report, folder in zip(reports, ("x/out", "y/out"), strict=True)
+    )
+    lines = comparison_lines(compare_fits(*fits), fits)
+    assert lines[:2] == ["A = x/out: worn", "B = y/out: not worn"]
+    assert [" ".join(line.split()) for line in lines[2:4]] == [
+        "shirt: ease at the waist A 9 cm B 4 cm change -5 cm",
+        "strain of edges, 99th percentile A 1 % B 1 % change 0 %",
+    ]
+    assert any("pressure" in line for line in lines[4:])
 
 
 def test_comparison_is_a_stage_pictures_and_figures(tmp_path: Path) -> None:

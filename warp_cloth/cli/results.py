@@ -22,7 +22,7 @@ def compare(
         "out"
     ),
 ) -> None:
-    """Compare two fits (sizes, fabrics or bodies): the second minus the first.
+    """Compare two fits, A and B, of one garment in two sizes, fabrics or bodies: each figure of both, and the change.
 
     \b
     warp-cloth compare out_M out_L --out difference
@@ -33,13 +33,13 @@ def compare(
         fits = read_fit(first), read_fit(second)
         with output_folder(out, "compare"):
             start_warp(False)
-            from warp_cloth.export.comparison import girth_lines, save_comparison
+            from warp_cloth.export.comparison import comparison_lines, save_comparison
             from warp_cloth.maps.compare import compare_fits
 
             found = compare_fits(*fits)
             paths = save_comparison(found, fits, out)
     notes = [f"  note {note}" for note in found.notes]
-    for line in [*girth_lines(found), *notes, *(f"  wrote {path}" for path in paths)]:
+    for line in [*comparison_lines(found, fits), *notes, *(f"  wrote {path}" for path in paths)]:
         typer.echo(line)
 
 

@@ -16,7 +16,7 @@ Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 INK = (70, 72, 76)  # sRGB bytes, of the title
 FAINT_INK = (120, 122, 126)  # of less important text
 CHIP_INK = (255, 255, 255)
-MOST_LINES = 3  # of the sentence
+MOST_LINES = 4  # of the sentence
 MOST_EASES = 4  # garments
 LEADING = 1.5  # from line to line, in text heights
 FIRST = 2.4  # the foot of the first line, which is larger, likewise
@@ -41,7 +41,8 @@ class Head:
     def lines(self, height: int, width: float) -> list[str]:
         """Everything below the first line, in lines no wider than ``width`` [px], of text ``height`` [px] high."""
         font = ImageFont.load_default(height)
-        return [*(shorten(line, font, width) for line in self.ease_shown), *wrapped(self.message, font, width, MOST_LINES)]
+        ease = [shorten(line, font, width) for line in self.ease_shown]
+        return [*ease, *wrapped(self.message, font, width, MOST_LINES)]
 
 
 def draw_head(image: Image.Image, head: Head, height: int, margin: int) -> None:

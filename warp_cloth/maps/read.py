@@ -29,6 +29,7 @@ class WrittenFit:
     garments: tuple[WornGarment, ...]
     avatar: Mesh | None
     report: dict[str, Any]  # empty where there is no report.json
+    place: Path = Path()  # the folder or file that was given
 
 
 def read_fit(place: Path) -> WrittenFit:
@@ -59,7 +60,7 @@ def read_fit(place: Path) -> WrittenFit:
         garments.append(WornGarment(name, surface, surface.points, thickness=0.0, fields=fields))
     if not garments:
         raise InputError(path, "has no fit maps", REMEDY)
-    return WrittenFit(place.name, tuple(garments), _avatar(path, bodies), _report(path.parent / "report.json"))
+    return WrittenFit(place.name, tuple(garments), _avatar(path, bodies), _report(path.parent / "report.json"), place)
 
 
 def _avatar(path: Path, prims: list[str]) -> Mesh | None:
