@@ -72,7 +72,8 @@ def summary(report: BatchReport) -> list[str]:
     if len(report.reasons) > MOST_REASONS:
         others = len(report.reasons) - MOST_REASONS
         lines.append(f"  and {counted(others, 'more reason')}, in the column message")
-    lines.append(f"  wrote        {report.folder / 'results.parquet'}, results.csv")
+    sheet = f", {report.sheet.name}" if report.sheet is not None else ""
+    lines.append(f"  wrote        {report.folder / 'results.parquet'}, results.csv{sheet}")
     for reason, count in report.unwritten.items():
         lines.append(f"  {counted(count, 'item')} not done: {reason}; run the same command again to continue")
     return lines

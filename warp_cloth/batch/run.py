@@ -62,6 +62,7 @@ class BatchReport:
     reasons: dict[str, tuple[str, ...]]  # why items have no worn garment, and their names, the most frequent first
     worn: int = 0  # items that are worn
     problems: dict[str, int] = field(default_factory=dict)  # items by code of their problems, the most frequent first
+    sheet: Path | None = None  # the contact sheet, if there is one
 
     @property
     def complete(self) -> bool:
@@ -77,6 +78,7 @@ def run_batch(
     ray: str | None = None,
     keep: Keep = "arrays",
     shard: int | None = None,
+    sheet: int = 0,
     progress: Callable[[BatchProgress], None] | None = None,
 ) -> BatchReport:
     """Fits every item of a job file, and continues an earlier run of the same batch.
@@ -90,6 +92,7 @@ def run_batch(
         keep: "arrays", a packed file per shard, "stages", a USD stage per item, or "none".
         shard: items per task and file, up to a quarter more where they have the same avatar; None: by device and
             number of items, or as in the folder's earlier run.
+        sheet: number of thumbnails on contact_sheet.html, the worst items first; needs ``keep="arrays"``.
         progress: called with the number of items done.
 
     Raises:
@@ -104,6 +107,8 @@ def run_batch(
         raise InputError("workers", f"a batch needs at least 1 process, not {workers}", "give 1 or more")
     if shard is not None and arguments.integer(shard, "shard") < 1:
         raise InputError("shard", f"a shard needs at least 1 item, not {shard}", "give 1 or more")
+    if arguments.integer(sheet, "sheet") < 0 or (sheet and keep != "arrays"):
+        raise InputError("sheet", f"{sheet} thumbnails cannot be drawn", 'give 0 or more, and keep "arrays"')
     began = time.perf_counter()
     pool = _pool(device, workers, ray)  # its processes start while the jobs are read
     try:
@@ -114,9 +119,22 @@ def run_batch(
             store.check_batch(items)
             size = store.shard_size(shard or _shard_size(len(items), pool.devices), shard is not None)
             with store.shared_folder() as shared:
-                return Batch(store, split(items, size), pool, progress or (lambda _: None), began, shared).run()
+                report = Batch(store, split(items, size), pool, progress or (lambda _: None), began, shared).run()
+            if sheet:
+                report = replace(report, sheet=_sheet(store.folder, items, sheet))
+            return report
     finally:
         pool.close()
+
+
+def _sheet(folder: Path, items: Sequence[Item], count: int) -> Path:
+    import pyarrow.parquet
+
+    from warp_cloth.batch.contact_sheet import write_contact_sheet
+
+    start_warp()
+    table = pyarrow.parquet.read_table(folder / "results.parquet")
+    return write_contact_sheet(folder, items, table.to_pylist(), count)
 
 
 def _pool(device: str | None, workers: int | None, ray: str | None) -> Pool:

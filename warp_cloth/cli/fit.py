@@ -174,6 +174,9 @@ def batch(
     shard: Annotated[
         int | None, typer.Option(help="Items per shard (a task, and its file).", show_default="depends on the device")
     ] = None,
+    sheet: Annotated[
+        int, typer.Option(help="Thumbnails on contact_sheet.html, the worst items first; 0: no such page.")
+    ] = 0,
 ) -> None:
     """Fit many scenes. If it is interrupted, the same command continues where it stopped.
 
@@ -204,6 +207,7 @@ def batch(
                 ray=ray,
                 keep=keep,  # type: ignore[arg-type]
                 shard=shard,
+                sheet=sheet,
                 progress=display,
             )
     for line in batch_summary(report):

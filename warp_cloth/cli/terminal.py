@@ -16,7 +16,15 @@ import typer
 from warp_cloth.base.errors import InputError
 
 BAD_INPUT = 2  # exit status
-OPTIONS = ("device", "keep", "out", "ray", "shard", "workers")  # named as the arguments that they are passed to
+OPTIONS = (
+    "device",
+    "keep",
+    "out",
+    "ray",
+    "shard",
+    "sheet",
+    "workers",
+)  # of the arguments' names
 OVERRIDE = "override "  # as in scene/overrides.py, which --help does without
 RESEND_DELAY = 0.01  # [s] after an interrupt that would be lost: by then the object is freed
 INTERRUPTED = 130  # exit status of a shell's Ctrl-C
