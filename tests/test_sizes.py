@@ -99,7 +99,7 @@ def test_the_command_writes_the_table_and_the_stages(tmp_path: Path) -> None:
     )
     assert done.exit_code == 0, done.output
     assert "take M: " in done.stdout
-    assert {path.name for path in tmp_path.iterdir()} == {"tshirt_M.usdc", "sizes.json"}
+    assert {path.name for path in tmp_path.iterdir()} == {"tshirt_M.usdc", "sizes.html", "sizes.json"}
 
 
 @pytest.mark.parametrize(

@@ -51,19 +51,35 @@ def write_contact_sheet(folder: Path, items: Sequence[Item], rows: Sequence[Mapp
         rows: their results, in the same order.
         count: of thumbnails.
     """
-    from jinja2 import Environment, StrictUndefined
-
     order = sorted(range(len(rows)), key=lambda place: (_badness(rows[place]), place))[:count]
     drawer = _Drawer(folder)
     cards = [_card(items[place], rows[place], drawer) for place in order]
     worn = sum(bool(row["worn"]) for row in rows)
     title = f"{worn:,} of {len(rows):,} worn; {len(cards):,} shown, the worst first"
+    path = folder / "contact_sheet.html"
+    write_cards(path, title, cards)
+    return path
+
+
+def write_cards(path: Path, title: str, cards: Sequence[Card]) -> None:
+    """Writes a page of cards, which needs no other file."""
+    from jinja2 import Environment, StrictUndefined
+
     text = (files("warp_cloth.export") / "contact_sheet.html.j2").read_text(encoding="utf-8")
     template = Environment(autoescape=True, trim_blocks=True, undefined=StrictUndefined).from_string(text)
-    path = folder / "contact_sheet.html"
     with whole_file(path) as place:
         place.write_text(template.render(title=title, cards=cards), encoding="utf-8")
-    return path
+
+
+def thumbnail(garments: Sequence[WornGarment], avatar: Mesh | None) -> str:
+    """A small picture as a data URL; empty of a shape that is not finite."""
+    try:
+        image = preview_image(garments=garments, avatar=avatar, size=SIZE)
+    except ValueError:
+        return ""
+    data = io.BytesIO()
+    image.save(data, format="JPEG", quality=QUALITY)
+    return "data:image/jpeg;base64," + base64.b64encode(data.getvalue()).decode("ascii")
 
 
 def _badness(row: Mapping[str, Any]) -> tuple[float, ...]:
@@ -95,12 +111,9 @@ class _Drawer:
         try:
             scene = load_scene(item.scene, item.changes)
             avatar = self._meshes.make(avatar_recipe(scene)[0]) if scene.avatar is not None else None
-            image = preview_image(garments=self._garments(item.name, file), avatar=avatar, size=SIZE)
-        except (InputError, OSError, ValueError):  # a file that is gone since, a shape that is not finite
+            return thumbnail(self._garments(item.name, file), avatar)
+        except (InputError, OSError):  # a file that is gone since
             return ""
-        data = io.BytesIO()
-        image.save(data, format="JPEG", quality=QUALITY)
-        return "data:image/jpeg;base64," + base64.b64encode(data.getvalue()).decode("ascii")
 
     def _garments(self, name: str, file: str) -> list[WornGarment]:
         if self._packed[0] != file:

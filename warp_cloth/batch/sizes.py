@@ -11,6 +11,7 @@ from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base import arguments
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import toml_text
+from warp_cloth.batch.contact_sheet import NO_RESULT, Card, thumbnail, write_cards
 from warp_cloth.batch.jobs import PLAIN_NAME
 from warp_cloth.fitting.fit import Fit, fit
 from warp_cloth.garment.garment import Garment
@@ -19,6 +20,7 @@ from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.levels import body_levels
 from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
+from warp_cloth.report.shown import shown_verdict
 from warp_cloth.scene import Scene, TshirtShape, load_scene
 from warp_cloth.scene.shapes import SIZES
 
@@ -64,6 +66,21 @@ class SizeFit:
         """The least ease of all levels [m]."""
         return min((level.ease for level in self.levels.values()), default=None)
 
+    @property
+    def figures(self) -> str:
+        """Ease at each level and strain, in a line."""
+        levels = [f"{name} {100 * level.ease:+.1f} cm" for name, level in self.levels.items()]
+        strain = f"strain p99 {100 * self.strain_p99:.1f} %" if self.strain_p99 is not None else self.message
+        return ", ".join([*levels, strain, *([] if self.held else ["slides down"])])
+
+    def card(self) -> Card:
+        """The size as a card of a page."""
+        if self.fit is None:
+            return Card(self.size, NO_RESULT.words, NO_RESULT.colour, "", self.message, "")
+        verdict = shown_verdict(self.fit.report)
+        picture = thumbnail(self.fit.garments, self.fit.avatar)
+        return Card(self.size, verdict.words, verdict.colour, f"ease: {self.figures}", self.message, picture)
+
 
 @dataclass(frozen=True, eq=False)
 class SizeRun:
@@ -74,6 +91,11 @@ class SizeRun:
     sizes: tuple[SizeFit, ...]
     recommended: str | None
     reason: str
+
+    @property
+    def advice(self) -> str:
+        """What to take and why, in a sentence."""
+        return f"take {self.recommended}: {self.reason}" if self.recommended else self.reason
 
     def report(self) -> dict[str, Any]:
         """The contents of sizes.json; lengths in centimetres where the names say so."""
@@ -106,7 +128,7 @@ class SizeRun:
         }
 
     def save(self, directory: str | Path) -> list[Path]:
-        """Writes a stage for each size, then sizes.json.
+        """Writes a stage for each size, a page with their pictures, then sizes.json.
 
         Raises:
             InputError: the folder cannot be written.
@@ -122,6 +144,8 @@ class SizeRun:
             if each.fit is not None:
                 paths.append(folder / f"{self.name}_{each.size}.usdc")
                 write_stage(paths[-1], garments=each.fit.garments, avatar=each.fit.avatar, name=self.name)
+        paths.append(folder / "sizes.html")
+        write_cards(paths[-1], f"{self.name}: {self.advice}", [each.card() for each in self.sizes])
         write_report(folder / "sizes.json", self.report())
         return [*paths, folder / "sizes.json"]
 

@@ -236,7 +236,9 @@ def sizes(
     ] = None,
     ease: Annotated[float, typer.Option(help="Desired ease at chest, waist and hip, in cm.")] = 4.0,
     device: Device = None,
-    out: Annotated[Path, typer.Option(help="Output folder, for sizes.json and the stage of each size.")] = Path("out"),
+    out: Annotated[
+        Path, typer.Option(help="Output folder, for sizes.html, sizes.json and the stage of each size.")
+    ] = Path("out"),
 ) -> None:
     """Fit every size of a garment on one body, and recommend one.
 
@@ -260,12 +262,8 @@ def sizes(
         )
         paths = run.save(out)
     for each in run.sizes:
-        levels = [f"{name} {100 * level.ease:+.1f} cm" for name, level in each.levels.items()]
-        strain = f"strain p99 {100 * each.strain_p99:.1f} %" if each.strain_p99 is not None else each.message
-        lost = [] if each.held else ["slides down"]
-        status = each.status.replace("_", " ")
-        typer.echo(f"{each.size:<4} {status:<16} {', '.join([*levels, strain, *lost])}")
-    typer.echo(f"take {run.recommended}: {run.reason}" if run.recommended else run.reason)
+        typer.echo(f"{each.size:<4} {each.status.replace('_', ' '):<16} {each.figures}")
+    typer.echo(run.advice)
     typer.echo(f"  wrote        {', '.join(str(path) for path in paths)}")
     if all(each.status == "invalid" for each in run.sizes):
         raise typer.Exit(1)

@@ -43,6 +43,17 @@ def keep_interrupts() -> None:
     sys.unraisablehook = hook
 
 
+def can_plot(wanted: bool) -> bool:
+    """Whether plots are wanted and can be drawn; says how to have them where the package for them is missing."""
+    from warp_cloth.export.plots import figure_class
+
+    try:
+        return wanted and bool(figure_class())
+    except InputError as error:
+        print(f"no plots: {error}", file=sys.stderr)
+        return False
+
+
 def print_error(sentence: str) -> None:
     """One line: no markup, no wrapping, nothing that moves a terminal's cursor."""
     line = "".join(letter if letter.isprintable() else "?" for letter in " ".join(sentence.split()))
