@@ -221,6 +221,25 @@ def test_a_fabric_of_the_scenes_own_is_offered_and_can_be_gone_back_to(change: d
         page.run()
 
 
+def test_a_browser_opens_the_page_where_that_is_asked(live: LiveFit, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("viser")
+    from warp_cloth.view import page
+
+    opened: list[str] = []
+    run = page.Page.run
+
+    def stopped(self: page.Page) -> None:
+        self.stop()
+        run(self)
+
+    monkeypatch.setattr(page.Page, "run", stopped)
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    for asked in (False, True):
+        page.serve(live, host="127.0.0.1", port=0, show=lambda _: None, opened=asked)
+    (address,) = opened
+    assert address.startswith("http://127.0.0.1:")
+
+
 def test_the_innermost_of_several_garments_takes_the_size() -> None:
     pytest.importorskip("viser")
     from warp_cloth.view.page import Page

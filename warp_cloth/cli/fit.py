@@ -6,7 +6,10 @@ A command has as many parameters as it has options; that is not a function of to
 from __future__ import annotations
 
 import math
+import shlex
+import sys
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -80,11 +83,17 @@ def fit(
         with output_folder(out, chosen.name):
             start_warp(verbose)
             worn = _fit(chosen, device, frames, (*map_names, colour_map), start)
+            worn.report["made"] = {"command": shlex.join(["warp-cloth", *sys.argv[1:]]), "date": _now()}
             paths = worn.save(out, colour=colour_map, formats=suffixes)
     for line in summary(chosen.name, worn.report, paths):
         typer.echo(line)
     if not worn.worn:
         raise typer.Exit(NOT_WORN)
+
+
+def _now() -> str:
+    """Date and time here, as a report states it."""
+    return datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z")
 
 
 def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str], start: Path | None) -> Fit:

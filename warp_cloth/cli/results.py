@@ -51,11 +51,12 @@ def view(
     device: Device = None,
     host: Annotated[str, typer.Option(help="Address to serve on; 0.0.0.0 admits other machines.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port; if it is in use, the next free one.", min=1, max=65535)] = 8080,
+    opened: Annotated[bool, typer.Option("--open", help="Open the page in this machine's browser.")] = False,
 ) -> None:
     """Watch a garment drape in a web page, with sliders for size, fabric, body and offset.
 
     \b
-    warp-cloth view tshirt
+    warp-cloth view tshirt --open
     warp-cloth view scene.toml --set garment.fabric=denim --port 8090
     """
     with one_line_errors():
@@ -71,7 +72,7 @@ def view(
 
         pairs = dict(text.split("=", 1) for text in changes or ())
         live = LiveFit(scene, pairs, device, progress=_show_stage)
-        serve(live, host=host, port=port, show=typer.echo)
+        serve(live, host=host, port=port, show=typer.echo, opened=opened)
 
 
 def _check_host(host: str) -> None:

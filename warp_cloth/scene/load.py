@@ -99,7 +99,7 @@ def _garment_file(source: Any) -> Path:
     if isinstance(source, Mapping):
         raise InputError("on", "is for a garment's mesh, but a scene is given, which names its body", remedy)
     path = arguments.path(source, "scene")
-    if not is_mesh(path) and (str(source) in shipped_scenes() or exists(path)):
+    if str(source) in shipped_scenes() or path.suffix.lower() == ".toml":
         raise InputError("on", f"is for a garment's mesh, but {path} is a scene, which names its body", remedy)
     return path
 

@@ -28,6 +28,8 @@ def worn_on(garment: Path, on: Any, fabric: Any) -> tuple[dict[str, Any], dict[s
     """
     if not exists(garment):
         raise missing_file(garment)
+    if garment.is_dir():
+        raise InputError(garment, "is a folder", "name a mesh file in it")
     stated = {"garment": str(garment)}
     if on == MANNEQUIN and not exists(Path(on)):
         avatar: dict[str, Any] = {"shape": {"kind": "mannequin"}}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import threading
 import time
+import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -285,8 +286,10 @@ class Page:
         target.send_file_download(path.name, content, save_immediately=True)
 
 
-def serve(live: LiveFit, *, host: str, port: int, show: Callable[[str], None]) -> None:
-    """Serves the page until it is interrupted; ``show`` is called with its address."""
+def serve(live: LiveFit, *, host: str, port: int, show: Callable[[str], None], opened: bool = False) -> None:
+    """Serves the page until it is interrupted; ``show`` is called with its address, which a browser opens if wanted."""
     page = Page(live, host=host, port=port)
     show(f"open http://{host}:{page.port} in a browser; Ctrl-C stops the server")
+    if opened:
+        webbrowser.open(f"http://{'127.0.0.1' if host == '0.0.0.0' else host}:{page.port}")
     page.run()
