@@ -183,6 +183,20 @@ def test_a_comparison_names_both_fits_and_gives_both_figures_and_the_change() ->
     assert any("pressure" in line for line in lines[4:])
 
 
+def test_fits_without_maps_are_compared_by_their_figures(tmp_path: Path) -> None:
+    row = {"garment": "bare", "level": "waist", "body_girth": 8e2, "garment_girth": 9e2, "natural_girth": 9e2}
+    for name, ease in (("a", 90.0), ("b", 40.0)):
+        (tmp_path / name).mkdir()
+        write_stage(tmp_path / name / "s.usdc", garments=[replace(mapped(), fields={})], avatar=None, name="s")
+        report = {"worn": True, "girths_mm": [{**row, "ease": ease}]}
+        (tmp_path / name / "report.json").write_text(json.dumps(report))
+    fits = read_fit(tmp_path / "a"), read_fit(tmp_path / "b")
+    found = compare_fits(*fits)
+    assert "no maps in a and b" in found.notes[0]
+    assert comparison_lines(found, fits)[2].split()[-2:] == ["-5", "cm"]
+    assert [path.name for path in save_comparison(found, fits, tmp_path)] == ["compare.json"]
+
+
 def test_comparison_is_a_stage_pictures_and_figures(tmp_path: Path) -> None:
     row = {"garment": "shirt", "level": "waist", "body_girth": 800.0, "garment_girth": 900.0, "natural_girth": 890.0}
     reports = [{"status": "at_rest", "girths_mm": [{**row, "ease": ease}]} for ease in (90.0, 40.0)]

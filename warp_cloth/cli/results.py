@@ -16,7 +16,7 @@ from warp_cloth.cli.terminal import one_line_errors, output_folder
 
 
 def compare(
-    first: Annotated[Path, typer.Argument(help="A fit made with --maps: its stage, or its folder.")],
+    first: Annotated[Path, typer.Argument(help="A fit: its stage, or its folder; made with --maps, for pictures.")],
     second: Annotated[Path, typer.Argument(help="The fit to compare with it.")],
     out: Annotated[Path, typer.Option(help="Output folder, for compare.usdc, compare.json and pictures.")] = Path(
         "out"

@@ -20,22 +20,12 @@ from warp_cloth.report.shown import shown_verdict
 
 
 def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], folder: Path) -> list[Path]:
-    """Writes compare.usdc, a picture of each difference, and compare.json last."""
+    """Writes compare.usdc and a picture of each difference, of fits with maps, and compare.json last."""
     first, second = fits
     stage, report = folder / "compare.usdc", folder / "compare.json"
     report.unlink(missing_ok=True)  # an earlier run's
-    colour = next(iter(found.ranges))
-    write_stage(stage, garments=found.garments, avatar=first.avatar, name="compare", ranges=found.ranges, colour=colour)
-    paths = [stage]
-    drawer = MapPictures(found.garments, first.avatar)
-    for name, bounds in found.ranges.items():
-        kind = kind_named(name)
-        if kind is None:
-            continue
-        path = folder / f"{name}.png"
-        sentence = "B ({1}) minus A ({0})".format(*names_apart(fits))
-        drawer.write(path, kind, bounds, sentence)
-        paths.append(path)
+    stage.unlink(missing_ok=True)
+    paths = _maps(found, fits, stage) if found.garments else []
     write_report(
         report,
         {
@@ -54,6 +44,23 @@ def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], fold
         },
     )
     return [*paths, report]
+
+
+def _maps(found: Comparison, fits: tuple[WrittenFit, WrittenFit], stage: Path) -> list[Path]:
+    """Writes the differences of maps: a stage, and a picture of each beside it."""
+    first, ranges = fits[0], found.ranges
+    colour = next(iter(ranges))
+    write_stage(stage, garments=found.garments, avatar=first.avatar, name="compare", ranges=ranges, colour=colour)
+    paths = [stage]
+    drawer = MapPictures(found.garments, first.avatar)
+    sentence = "B ({1}) minus A ({0})".format(*names_apart(fits))
+    for name, bounds in ranges.items():
+        kind = kind_named(name)
+        if kind is None:
+            continue
+        paths.append(stage.parent / f"{name}.png")
+        drawer.write(paths[-1], kind, bounds, sentence)
+    return paths
 
 
 def _summary(fit: WrittenFit) -> dict[str, Any]:

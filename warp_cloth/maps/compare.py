@@ -42,6 +42,10 @@ def compare_fits(first: WrittenFit, second: WrittenFit, *, device: str = "cpu") 
     Raises:
         InputError: there are no maps in common, or garments that have neither mesh nor panels in common lie apart.
     """
+    if not (first.garments and second.garments):
+        lacking = " and ".join(fit.name for fit in (first, second) if not fit.garments)
+        note = f"no maps in {lacking}: only figures are compared; fit with --maps all for pictures of the difference"
+        return Comparison((), {}, _girths(first.report, second.report, {}), (), (note,))
     if len(first.garments) != len(second.garments):
         problem = f"have {len(first.garments)} and {len(second.garments)} garments"
         raise InputError(f"{first.name}, {second.name}", problem, "compare fits with the same number of garments")
