@@ -17,7 +17,6 @@ import io
 import itertools
 import json
 import os
-import re
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,7 +28,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.toml_file import toml_text
+from warp_cloth.batch.columns import with_columns
 from warp_cloth.batch.jobs import Item, avatar_key, garments_key
 from warp_cloth.batch.rows import COLUMNS, FAILED, FIGURES, INTEGERS, ItemResult, empty_row
 from warp_cloth.export.files import unwritable, whole_file
@@ -44,7 +43,6 @@ FIRST_SHARD = 128  # items of the first shard and the last: fewer do not fill a 
 GROWTH = 1.6  # from shard to shard at first: the next one loads while one relaxes
 SHRINKING = 2.0  # and at the end: measuring a shard takes about as long as relaxing half of it
 FIRST_AVATARS = 4  # that the first half of the garments is fitted to before other avatars
-NUMBER = re.compile(r"-?(0|[1-9][0-9]{0,17})(\.[0-9]+)?([eE][-+]?[0-9]{1,2})?")
 LAYOUT = 2  # version of the output folder; files of another version are done again
 
 
@@ -169,36 +167,6 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> pyarrow.Table:
     types |= {"worn": arrow.bool_(), "problems": arrow.list_(arrow.string())}
     schema = arrow.schema([(name, types.get(name, arrow.string())) for name in COLUMNS])
     return arrow.Table.from_pylist(rows, schema=schema)
-
-
-def _with_columns(table: pyarrow.Table, items: Sequence[Item]) -> pyarrow.Table:
-    """The table with the job's own columns after the names; those of numbers as numbers."""
-    rows = [item.columns for item in items]
-    names = [name for name in dict.fromkeys(name for row in rows for name in row) if name not in COLUMNS]
-    for place, name in enumerate(names, start=1):
-        table = table.add_column(place, name, _column([row.get(name) for row in rows]))
-    return table
-
-
-def _column(values: Sequence[Any]) -> pyarrow.Array:
-    """Values as numbers or booleans, where all that are given are, else as text."""
-    arrow, read = _arrow(), [_read(value) if isinstance(value, str) else value for value in values]
-    given = {type(value) for value in read if value is not None}
-    for kinds, kind in (({bool}, arrow.bool_()), ({int}, arrow.int64()), ({int, float}, arrow.float64())):
-        if given and given <= kinds:
-            with contextlib.suppress(OverflowError, arrow.ArrowException):  # an integer of many digits
-                return arrow.array(read, type=kind)
-    texts = [value if value is None or isinstance(value, str) else toml_text(value) for value in values]
-    return arrow.array(texts, type=arrow.string())
-
-
-def _read(text: str) -> str | int | float | bool:
-    """The number or truth value that a text writes, or else the text: 007 is a name."""
-    if text in ("true", "false"):
-        return text == "true"
-    if NUMBER.fullmatch(text) is None:
-        return text
-    return float(text) if set(text) & set(".eE") else int(text)
 
 
 def _plain(table: pyarrow.Table) -> pyarrow.Table:
@@ -368,7 +336,7 @@ class Store:
             tables.append(table)
         places = np.argsort(np.concatenate([shard.places for shard in shards]))
         items = [item for shard in shards for item in shard.items]
-        merged = _with_columns(_arrow().concat_tables(tables).take(places), [items[place] for place in places])
+        merged = with_columns(_arrow().concat_tables(tables).take(places), [items[place] for place in places])
         with whole_file(self.folder / "results.parquet") as place:
             _arrow().parquet.write_table(merged, place)
         with whole_file(self.folder / "results.csv") as place:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from warp_cloth.base.errors import InputError, OutputError
+from warp_cloth.base.errors import OVERRIDE, InputError, OutputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.batch.rows import FAILED, ItemResult, WornPoints, empty_row, row_of
 from warp_cloth.batch.store import Shard, Store, file_marks
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from warp_cloth.fitting.fit import Fit
     from warp_cloth.scene import Scene
 
-OVERRIDE = "override "  # as in scene/overrides.py, which is imported where a scene is read
 SMALLER = "use fewer vertices, or a device with more memory"
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import typer
 
-from warp_cloth.base.errors import InputError
+from warp_cloth.base.errors import OVERRIDE, InputError
 
 BAD_INPUT = 2  # exit status
 OPTIONS = (
@@ -25,7 +25,6 @@ OPTIONS = (
     "sheet",
     "workers",
 )  # of the arguments' names
-OVERRIDE = "override "  # as in scene/overrides.py, which --help does without
 RESEND_DELAY = 0.01  # [s] after an interrupt that would be lost: by then the object is freed
 INTERRUPTED = 130  # exit status of a shell's Ctrl-C
 

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 
 from warp_cloth.base import arguments
-from warp_cloth.base.errors import InputError
+from warp_cloth.base.errors import OVERRIDE, InputError
 from warp_cloth.base.toml_file import exists, toml_value
 from warp_cloth.scene.messages import show
 
-OVERRIDE = "override "  # how messages begin that name one; the command line says --set
 WHOLE = ("kind", "name")  # a table with one of these keys replaces the scene's; others change it key by key
 PART = re.compile(r"([A-Za-z_][\w-]*)((?:\[\d{1,6}\])*)")
 
