@@ -21,6 +21,7 @@ from warp_cloth.cli.options import Changes, Device, FabricName, On
 from warp_cloth.cli.terminal import BAD_INPUT, one_line_errors, output_folder
 
 if TYPE_CHECKING:
+    from warp_cloth.cli.fit_progress import ProgressDisplay
     from warp_cloth.fitting.fit import Fit
     from warp_cloth.scene import Scene
 
@@ -82,9 +83,11 @@ def fit(
         check_inputs_kept(chosen, out, suffixes)
         with output_folder(out, chosen.name):
             start_warp(verbose)
-            worn = _fit(chosen, device, frames, (*map_names, colour_map), start)
-            worn.report["made"] = {"command": shlex.join(["warp-cloth", *sys.argv[1:]]), "date": _now()}
-            paths = worn.save(out, colour=colour_map, formats=suffixes)
+            with _display() as display:
+                worn = _fit(chosen, device, frames, (*map_names, colour_map), start, display)
+                worn.report["made"] = {"command": shlex.join(["warp-cloth", *sys.argv[1:]]), "date": _now()}
+                display.begin("export")
+                paths = worn.save(out, colour=colour_map, formats=suffixes)
     for line in summary(chosen.name, worn.report, paths):
         typer.echo(line)
     if not worn.worn:
@@ -96,14 +99,20 @@ def _now() -> str:
     return datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z")
 
 
-def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str], start: Path | None) -> Fit:
+def _display() -> ProgressDisplay:
     from rich.console import Console
 
     from warp_cloth.cli.fit_progress import ProgressDisplay
+
+    return ProgressDisplay(Console(stderr=True))
+
+
+def _fit(
+    scene: Scene, device: str | None, frames: int, maps: Sequence[str], start: Path | None, display: ProgressDisplay
+) -> Fit:
     from warp_cloth.fitting.fit import fit as run
 
-    with ProgressDisplay(Console(stderr=True)) as display:
-        return run(scene, device=device, frames=frames, maps=maps, start=start, progress=display)
+    return run(scene, device=device, frames=frames, maps=maps, start=start, progress=display)
 
 
 def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str]:

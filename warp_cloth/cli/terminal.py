@@ -16,15 +16,7 @@ import typer
 from warp_cloth.base.errors import OVERRIDE, InputError
 
 BAD_INPUT = 2  # exit status
-OPTIONS = (
-    "device",
-    "keep",
-    "out",
-    "ray",
-    "shard",
-    "sheet",
-    "workers",
-)  # of the arguments' names
+OPTIONS = ("device", "keep", "out", "ray", "shard", "sheet", "workers")  # have the names of arguments
 RESEND_DELAY = 0.01  # [s] after an interrupt that would be lost: by then the object is freed
 INTERRUPTED = 130  # exit status of a shell's Ctrl-C
 

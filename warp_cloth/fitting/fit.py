@@ -38,12 +38,13 @@ MOST_FRAMES = 10_000  # intermediate shapes; for a garment of 10,000 vertices th
 class Progress:
     """Progress of a running fit; a number is None while it is not known."""
 
-    stage: str  # "load", "compile", "build", "carry" (through avatar.poses), "dress" (predrape), "relax"
+    stage: str  # "load", "compile", "build", "carry" (through avatar.poses), "dress" (predrape), "relax", "measure"
     iteration: int = 0
     iteration_limit: int = 0  # 0: the fit goes on while it makes progress
     residual: float | None = None  # relative, rms
     rest_error_mm: float | None = None
     iterations_per_second: float | None = None
+    tolerance_mm: float | None = None  # of the rest error, at which a garment is at rest
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -177,6 +178,7 @@ def fit(
     (first,) = finished_runs(problem, [outcome], [levels])
     course = tried_further(first, begin, relax, cache=cache, clock=clock)
     problem = course.best.problem
+    report_progress(Progress("measure"))
     (result,) = finish_fits(problem, [course], clock=clock, frames=frames)
     return Fit.of(_with_maps(result, map_names, problem) if map_names else result)
 
@@ -222,12 +224,13 @@ def _relax(problem: Problem, frames: int, progress: Callable[[Progress], None] |
     """Relaxes a lone scene, and reports progress at every check."""
     (goal,) = problem.goals()
     limit = goal.limit if goal.patience is Patience.NONE else 0
+    tolerance = problem.scenes[0].solver.tolerance_mm
 
     def report_check(check: Check, seconds: float) -> None:
         if progress is not None:
             rate = check.iteration / seconds if seconds > 0.0 else None
             residual = check.residual.relative_rms
-            progress(Progress("relax", check.iteration, limit, residual, check.rest_error * 1e3, rate))
+            progress(Progress("relax", check.iteration, limit, residual, check.rest_error * 1e3, rate, tolerance))
 
     if progress is not None:
         progress(Progress("relax", 0, limit))
