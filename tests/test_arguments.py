@@ -23,7 +23,10 @@ from warp_cloth.view.live import LiveFit
         (lambda: warp_cloth.fit(["tshirt"]), "scene: must be a path, not an object of type list"),
         (lambda: warp_cloth.fit("tshirt", overrides=5), "overrides: must be a string or a list of strings, not 5"),
         (lambda: warp_cloth.fit("tshirt", overrides=[5]), "overrides: must be a string or a list of strings"),
-        (lambda: warp_cloth.fit("tshirt", overrides={"a": "b"}), "overrides: must be a string or a list of strings"),
+        (lambda: warp_cloth.fit("tshirt", overrides={"a": "b"}), "override a=b: unknown key a"),
+        (lambda: warp_cloth.fit("tshirt", on=5), "on: is for a garment's mesh, but tshirt is a scene"),
+        (lambda: warp_cloth.fit("pyproject.obj", on=5), "pyproject.obj: no such file"),
+        (lambda: warp_cloth.fit("tshirt", fabric="silk"), "fabric: is for a garment's mesh and a body"),
         (lambda: warp_cloth.fit("tshirt", maps=5), "maps: must be a string or a list of strings, not 5"),
         (lambda: warp_cloth.fit("tshirt", maps=[None]), "maps: must be a string or a list of strings"),
         (lambda: warp_cloth.fit("tshirt", frames="3"), "frames: must be an integer from 0 to"),
@@ -35,8 +38,8 @@ from warp_cloth.view.live import LiveFit
         (lambda: fit_sizes("tshirt", ease="4"), "ease: must be a number, not 4"),
         (lambda: run_batch(5), "jobs: must be a job file or a list of items"),
         (lambda: run_batch([]), "jobs: has no items"),
-        (lambda: run_batch("jobs.csv", workers="2"), "--workers: must be an integer, not 2"),
-        (lambda: run_batch("jobs.csv", shard=1.5), "--shard: must be an integer, not 1.5"),
+        (lambda: run_batch("jobs.csv", workers="2"), "workers: must be an integer, not 2"),
+        (lambda: run_batch("jobs.csv", shard=1.5), "shard: must be an integer, not 1.5"),
         (lambda: LiveFit(5, {}, "cpu"), "scene: must be a path, not 5"),
     ],
 )
@@ -47,6 +50,14 @@ def test_wrong_types_are_refused_in_one_line(call: Callable[[], Any], told: str)
     assert "\n" not in str(refused.value)
 
 
+def test_what_changes_a_scene_comes_before_it_is_loaded() -> None:
+    scene = warp_cloth.load_scene("hanging", np.array(["solver.iterations=1", "name=x"]))
+    assert warp_cloth.fit("hanging", overrides=np.array(["solver.iterations=1", "name=x"]), device="cpu").scene == scene
+    for name, value in (("overrides", ["name=y"]), ("on", "mannequin"), ("fabric", "silk")):
+        with pytest.raises(InputError, match=f"^{name}: the scene is loaded already; pass it to load_scene"):
+            warp_cloth.fit(scene, **{name: value})  # type: ignore[arg-type]
+
+
 def test_several_texts_may_come_in_any_collection() -> None:
-    for several in (["ease"], ("ease",), {"ease"}, np.array(["ease"]), (name for name in ["ease"]), "ease"):
-        assert arguments.strings(several, "maps") == ("ease",)
+    for several in (["gap"], ("gap",), {"gap"}, np.array(["gap"]), (name for name in ["gap"]), "gap"):
+        assert arguments.strings(several, "maps") == ("gap",)

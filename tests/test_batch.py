@@ -141,7 +141,8 @@ def test_bad_items_fail_with_their_reason_and_leave_the_others_alone(tmp_path: P
     assert set(failed) == {item.name for item in bad}
     assert all(row["status"] == "invalid" and row["message"] for row in failed.values())
     assert len({row["message"] for row in failed.values()}) == len(bad), "each says its own reason"
-    assert {name: found[name] for name in alone} == alone
+    own = ["garment.mesh"]  # a column of the bad items' job
+    assert [{k: v for k, v in found[name].items() if k not in own} for name in alone] == list(alone.values())
 
 
 def test_an_item_that_ends_its_workers_is_given_up_alone(tmp_path: Path) -> None:
@@ -315,8 +316,44 @@ def test_the_last_lines_say_why_items_have_no_result(tmp_path: Path) -> None:
     lines = summary(report)
     assert lines[0].startswith("12 items in ")
     assert lines[1] == "  worn         0 of 12; problems: 1 not_at_rest"
-    assert lines[2] == "  2 without a result: --set solver.iterations=-1: must be an integer from 0 to 10000000, not -1"
+    reason = "column solver.iterations: must be an integer from 0 to 10000000, not -1"
+    assert lines[2] == f"  no result    bad-value and 1 more: {reason}"
     assert lines[5] == "  and 7 more reasons, in the column message"
+
+
+def test_results_carry_the_jobs_own_columns(tmp_path: Path) -> None:
+    """As given, numbers as numbers; a caller's own column does nothing else, and one like a scene key is an error."""
+    rows = ["name,scene,customer,order,stock,solver.iterations,garment.shape.vertices_per_side,fabrik"]
+    rows += ["a,hanging,Ann,007,3,10,4,", "b,hanging,,12,4.5,10,4,", "c,hanging,Bo,1,1,10,4,silk"]
+    (tmp_path / "jobs.csv").write_text("\n".join(rows), encoding="utf-8")
+    run_batch(tmp_path / "jobs.csv", tmp_path / "out", device="cpu", workers=1)
+    table = pyarrow.parquet.read_table(tmp_path / "out" / "results.parquet")
+    assert table.column_names[:6] == ["name", "scene", "customer", "order", "stock", "solver.iterations"]
+    own = table.select(["customer", "order", "stock", "solver.iterations"]).to_pydict()
+    assert own == {
+        "customer": ["Ann", None, "Bo"],
+        "order": ["007", "12", "1"],
+        "stock": [3.0, 4.5, 1.0],
+        "solver.iterations": [10] * 3,
+    }
+    assert [status == "invalid" for status in table["status"].to_pylist()] == [False, False, True]
+    assert table["message"].to_pylist()[2].startswith("column fabrik: unknown key fabrik; did you mean garment.fabric?")
+    assert "Ann,007" in (tmp_path / "out" / "results.csv").read_text().replace('"', "")
+
+
+def test_the_contact_sheet_shows_the_worst_first(tmp_path: Path) -> None:
+    items = [tiny("hangs"), Item("<b>bad</b>", "hanging", ("garment.fabric=cardboard",)), tiny("too")]
+    report = run_batch(items, tmp_path, device="cpu", workers=1, sheet=2)
+    assert report.sheet == tmp_path / "contact_sheet.html"
+    page = report.sheet.read_text(encoding="utf-8")
+    assert "0 of 3 worn; 2 shown" in page
+    assert page.index("&lt;b&gt;bad&lt;/b&gt;") < page.index("<b>hangs</b>")
+    assert "<b>too</b>" not in page
+    assert (page.count("data:image/jpeg;base64,"), page.count("no result")) == (1, 1)
+    assert "contact_sheet.html" in summary(report)[-1]
+    for wrong in (-1, 2.5):
+        with pytest.raises(InputError, match=r"^sheet: "):
+            run_batch(items, tmp_path, device="cpu", workers=1, sheet=wrong)  # type: ignore[arg-type]
 
 
 def test_one_stage_per_item_where_stages_are_kept(tmp_path: Path) -> None:
@@ -325,7 +362,7 @@ def test_one_stage_per_item_where_stages_are_kept(tmp_path: Path) -> None:
 
 
 def test_wrong_options_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="--workers"):
+    with pytest.raises(InputError, match="workers"):
         run_batch(tiny_items(1), tmp_path, workers=0)
     with pytest.raises(InputError, match="keep"):
         run_batch(tiny_items(1), tmp_path, keep="all")  # type: ignore[arg-type]

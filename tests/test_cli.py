@@ -32,6 +32,7 @@ class Step:
     residual: float | None = None
     rest_error_mm: float | None = None
     iterations_per_second: float | None = None
+    tolerance_mm: float | None = None
 
 
 @dataclass
@@ -90,7 +91,7 @@ def test_fit_hands_scene_device_and_frames_on_and_tells_what_was_written(stand_i
     assert result.exit_code == 0, result.output
     (made,) = stand_in.calls
     assert (made["device"], made["frames"], made["scene"].solver.iterations) == ("cpu", 3, 7)
-    assert "sphere: All forces balance." in result.output
+    assert "sphere: worn. All forces balance." in result.output
     assert str(Path("out") / "report.json") in result.output
     assert Path("out/report.json").is_file()
 
@@ -280,7 +281,7 @@ def test_summary_leaves_out_what_is_not_known() -> None:
         "avatar": {"notes": ["lies along z"]},
     }
     assert summary("x", report, [Path("out/x.usdc")]) == [
-        "x: Fine.",
+        "x: not worn. Fine.",
         "  residual     0.00912 relative rms, ? p99",
         "  iterations   12,345 (812 per second)",
         "  time         15.2 s on cpu",
@@ -313,6 +314,26 @@ def test_progress_on_a_terminal_shows_iteration_residual_and_speed(shown: Callab
     text = shown(Step("relax", 50, 100, 0.02, float("nan"), 800.0), terminal=True)
     assert "50/100  residual 0.02  800/s" in text
     assert "rest error" not in text
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_progress_fits_the_terminal(width: int) -> None:
+    text = io.StringIO()
+    console = Console(file=text, force_terminal=True, width=width, color_system=None, _environ={})
+    with ProgressDisplay(console) as display:
+        display(Step("compile"))
+        display(Step("relax", 99_900, 100_000, 0.0123, 13.4, 12345.0, 1.0))
+    assert "…" not in text.getvalue()
+    assert "rest error 13 mm" in text.getvalue()
+
+
+def test_the_bar_shows_the_rest_error_on_a_logarithmic_scale() -> None:
+    shares: list[float | None] = []
+    with ProgressDisplay(Console(file=io.StringIO(), force_terminal=True, width=80, _environ={})) as display:
+        for number, error in enumerate((None, 100.0, 10.0, 30.0, 1.0, 0.5), start=1):
+            display(Step("relax", number, 0, 0.1, error, 10.0, 1.0))
+            shares.append(display._share)
+    assert shares == pytest.approx([0.0, 0.0, 0.5, 0.5, 1.0, 1.0])
 
 
 def test_an_interrupt_while_an_object_is_freed_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -368,7 +389,7 @@ def test_a_batch_of_bad_items_only_is_bad_input(tmp_path: Path) -> None:
     (tmp_path / "jobs.csv").write_text("name,scene\na,nosuch\nb,nosuch\n")
     done = command("batch", "jobs.csv", "--device", "cpu", "--workers", "1", folder=tmp_path)
     assert done.returncode == 2
-    assert '2 without a result: "nosuch": no such scene file' in done.stdout
+    assert '"nosuch": no such scene file' in done.stdout
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full here")

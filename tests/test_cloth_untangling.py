@@ -202,8 +202,8 @@ def test_the_shared_tshirt_is_sewn_and_nothing_crosses(shared_data: Path) -> Non
 
 
 def test_a_garment_to_be_sewn_starts_clear_of_a_body_that_is_taller() -> None:
-    body = build_avatar(SphereShape(kind="sphere", radius=0.2, centre=(0.0, 0.1, 0.0)), size="M")
-    around = build_avatar(SphereShape(kind="sphere", radius=0.24, centre=(0.0, 0.0, 0.0)), size="M").points
+    body = build_avatar(SphereShape(kind="sphere", radius=0.2, centre=(0.0, 0.1, 0.0)))
+    around = build_avatar(SphereShape(kind="sphere", radius=0.24, centre=(0.0, 0.0, 0.0))).points
     assert signed_distances(around, body, "cpu").min() < -DEEP
     shift = clear_shift(around, body, "cpu")
     assert shift is not None
@@ -213,7 +213,7 @@ def test_a_garment_to_be_sewn_starts_clear_of_a_body_that_is_taller() -> None:
 
 def test_no_garment_is_moved_down_unless_that_clears_it() -> None:
     """Trousers would hang lower for inseams that are drawn into the legs at any height."""
-    leg = build_avatar(SphereShape(kind="sphere", radius=0.2, centre=(0.0, 0.2, 0.0)), size="M")
+    leg = build_avatar(SphereShape(kind="sphere", radius=0.2, centre=(0.0, 0.2, 0.0)))
     up = np.arange(0.0, 0.1, 0.01)
     seam = np.stack([np.zeros_like(up), up, np.zeros_like(up)], axis=1)
     assert clear_shift(seam, leg, "cpu") is None
@@ -224,7 +224,7 @@ def test_no_garment_is_moved_down_unless_that_clears_it() -> None:
 
 def test_no_garment_is_moved_far_up_for_what_is_in_the_body_there_as_well() -> None:
     """Of a tight one some is inside wherever it starts; moved as far as helps most, it would be worn too high."""
-    body = build_avatar(SphereShape(kind="sphere", radius=0.28, centre=(0.0, 0.28, 0.0)), size="M")
+    body = build_avatar(SphereShape(kind="sphere", radius=0.28, centre=(0.0, 0.28, 0.0)))
     shoulders, tight = np.tile([0.0, 0.49, 0.0], (2, 1)), np.array([[0.0, 0.3, 0.0]])
     shift = clear_shift(np.concatenate([shoulders, tight]), body, "cpu")
     assert shift is not None

@@ -190,9 +190,9 @@ def test_depths_are_measured_from_what_cloth_meets(tmp_path: Path) -> None:
         "garment": {"mesh": str(tmp_path / "patch.obj"), "units": "m", "pin": {"box": [[-1, -1, -1], [1, 0.009, 1]]}},
         "avatar": {"mesh": str(tmp_path / "avatar.obj"), "units": "m"},
     }
-    worn = warp_cloth.fit(scene, device="cpu", overrides=("solver.iterations=20",), maps="ease")
+    worn = warp_cloth.fit(scene, device="cpu", overrides=("solver.iterations=20",), maps="gap")
     assert worn.report["penetration_mm"]["max"] < WORN
-    assert worn.garments[0].fields["ease"].min() == pytest.approx(1e3 * (between - RADIUS), abs=1.0)
+    assert worn.garments[0].fields["gap"].min() == pytest.approx(1e3 * (between - RADIUS), abs=1.0)
     assert any("1 loose sheet" in note for note in notes_of(worn.report))
 
 

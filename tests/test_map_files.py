@@ -13,7 +13,7 @@ from pxr import Usd, UsdGeom, UsdShade, UsdValidation
 from worn import box_avatar, worn
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.export.comparison import save_comparison
+from warp_cloth.export.comparison import comparison_lines, save_comparison
 from warp_cloth.export.map_picture import MapPictures, ticks
 from warp_cloth.export.stage import write_stage
 from warp_cloth.export.surface import linear
@@ -78,7 +78,7 @@ def test_a_stage_reads_back_as_the_fit_that_wrote_it(tmp_path: Path) -> None:
 
 def test_a_legend_names_round_values() -> None:
     assert ticks(MAPS["strain"], (0.0, 0.025)) == pytest.approx([0.025, 0.02, 0.015, 0.01, 0.005, 0.0])
-    assert ticks(MAPS["ease"], (0.0, 40.0)) == pytest.approx([40.0, 30.0, 20.0, 10.0, 0.0])
+    assert ticks(MAPS["gap"], (0.0, 40.0)) == pytest.approx([40.0, 30.0, 20.0, 10.0, 0.0])
     assert ticks(MAPS["strain_warp"], (-0.025, 0.025))[2] == 0.0
 
 
@@ -156,6 +156,47 @@ def test_garments_are_compared_by_their_names_and_strangers_are_told_of() -> Non
     assert not compare_fits(*(WrittenFit("a", (worn,), None, {}) for worn in panelled)).notes
 
 
+def test_unrelated_garments_are_refused_with_the_reason() -> None:
+    shirt = mapped("shirt")
+    mesh = replace(shirt.mesh, triangles=shirt.mesh.triangles[::-1].copy(), panels=None, panel_names=())
+    below = replace(shirt, name="skirt", mesh=mesh, points=shirt.points - np.array([0.0, 0.5, 0.0]))
+    with pytest.raises(InputError, match=r'^a, b: "shirt" and "skirt" are not one garment: they share neither'):
+        compare_fits(WrittenFit("a", (shirt,), None, {}), WrittenFit("b", (below,), None, {}))
+
+
+def test_a_comparison_names_both_fits_and_gives_both_figures_and_the_change() -> None:
+    row = {"garment": "shirt", "level": "waist", "body_girth": 800.0, "garment_girth": 900.0, "natural_girth": 890.0}
+    reports = [
+        {"worn": worn, "strain": {"p99": 0.01}, "girths_mm": [{**row, "ease": ease}]}
+        for worn, ease in ((True, 90.0), (False, 40.0))
+    ]
+    fits = tuple(
+        WrittenFit("out", (mapped("shirt"),), None, report, Path(folder))
+        for report, folder in zip(reports, ("x/out", "y/out"), strict=True)
+    )
+    lines = comparison_lines(compare_fits(*fits), fits)
+    assert lines[:2] == ["A = x/out: worn", "B = y/out: not worn"]
+    assert [" ".join(line.split()) for line in lines[2:4]] == [
+        "shirt: ease at the waist A 9 cm B 4 cm change -5 cm",
+        "strain of edges, 99th percentile A 1 % B 1 % change 0 %",
+    ]
+    assert any("pressure" in line for line in lines[4:])
+
+
+def test_fits_without_maps_are_compared_by_their_figures(tmp_path: Path) -> None:
+    row = {"garment": "bare", "level": "waist", "body_girth": 8e2, "garment_girth": 9e2, "natural_girth": 9e2}
+    for name, ease in (("a", 90.0), ("b", 40.0)):
+        (tmp_path / name).mkdir()
+        write_stage(tmp_path / name / "s.usdc", garments=[replace(mapped(), fields={})], avatar=None, name="s")
+        report = {"worn": True, "girths_mm": [{**row, "ease": ease}]}
+        (tmp_path / name / "report.json").write_text(json.dumps(report))
+    fits = read_fit(tmp_path / "a"), read_fit(tmp_path / "b")
+    found = compare_fits(*fits)
+    assert "no maps in a and b" in found.notes[0]
+    assert comparison_lines(found, fits)[2].split()[-2:] == ["-5", "cm"]
+    assert [path.name for path in save_comparison(found, fits, tmp_path)] == ["compare.json"]
+
+
 def test_comparison_is_a_stage_pictures_and_figures(tmp_path: Path) -> None:
     row = {"garment": "shirt", "level": "waist", "body_girth": 800.0, "garment_girth": 900.0, "natural_girth": 890.0}
     reports = [{"status": "at_rest", "girths_mm": [{**row, "ease": ease}]} for ease in (90.0, 40.0)]
@@ -199,7 +240,7 @@ def test_a_users_own_body_of_quads_is_read_where_it_stands(tmp_path: Path) -> No
 
 
 def test_fits_without_maps_in_common_are_refused(tmp_path: Path) -> None:
-    bare = replace(mapped(), fields={"ease": np.zeros(49, dtype=np.float32)})
+    bare = replace(mapped(), fields={"gap": np.zeros(49, dtype=np.float32)})
     with pytest.raises(InputError, match="no map that both fits have"):
         compare_fits(WrittenFit("a", (mapped(),), None, {}), WrittenFit("b", (bare,), None, {}))
     write_stage(tmp_path / "bare.usdc", garments=[replace(mapped(), fields={})], avatar=None, name="bare")

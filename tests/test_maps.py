@@ -1,4 +1,4 @@
-"""Fit maps against closed forms: strain of a stretched strip, pressure of a net on a sphere, ease as exact distance."""
+"""Fit maps against closed forms: strain of a stretched strip, pressure of a net on a sphere, gap as exact distance."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_ease_is_the_exact_distance_to_the_skin() -> None:
     points = sheet.points @ np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]) + (-0.5, 0.3, 0.23)
     garment = Garment(points, sheet.triangles, build_rest_shape(sheet, Fabric(), rest="mesh"), NO_PINS)
     made = measure_maps(
-        ("ease",),
+        ("gap",),
         garments=[garment],
         worn=[points],
         normal_forces=None,
@@ -154,7 +154,7 @@ def test_ease_is_the_exact_distance_to_the_skin() -> None:
     )
     away = np.maximum(np.abs(points - (0.0, 0.8, 0.0)) - (0.2, 0.8, 0.2), 0.0)
     expected = 1e3 * np.linalg.norm(away, axis=1)
-    assert np.abs(made.fields[0]["ease"] - expected).max() < 1e-3  # float32 over a metre
+    assert np.abs(made.fields[0]["gap"] - expected).max() < 1e-3  # float32 over a metre
 
 
 def test_means_at_vertices_keep_a_constant() -> None:
@@ -319,7 +319,7 @@ def test_a_section_of_a_tube_is_one_ring() -> None:
 
 
 def test_names_of_maps_stand_for_groups_and_unknown_ones_are_refused() -> None:
-    assert chosen_maps("ease, pressure") == ("ease", "pressure")
+    assert chosen_maps("gap, pressure") == ("gap", "pressure")
     assert chosen_maps("strain")[:2] == ("strain", "strain_warp")
     assert chosen_maps("all") == tuple(MAPS)
     with pytest.raises(InputError, match='did you mean "pressure"'):
@@ -335,7 +335,7 @@ def test_colour_ranges_end_on_round_numbers() -> None:
 
 def test_maps_that_need_an_avatar_are_refused_without_one() -> None:
     with pytest.raises(InputError, match="the scene has no avatar"):
-        fit("hanging", maps="pressure,ease")
+        fit("hanging", maps="pressure,gap")
 
 
 @pytest.mark.parametrize("precision", ["float32", "mixed"])
@@ -346,6 +346,6 @@ def test_pressing_is_the_same_bits_every_time(precision: str) -> None:
         "solver": {"iterations": 100, "precision": precision},
     }
     wp.init()
-    one, other = (fit(scene, device="cpu", maps="pressure,ease").garments[0].fields for _ in range(2))
+    one, other = (fit(scene, device="cpu", maps="pressure,gap").garments[0].fields for _ in range(2))
     assert one["pressure"].max() > 0.0
-    assert all(np.array_equal(one[name], other[name]) for name in ("pressure", "ease"))
+    assert all(np.array_equal(one[name], other[name]) for name in ("pressure", "gap"))

@@ -69,7 +69,7 @@ def test_a_live_change_does_not_take_the_garment_through_the_poses_again() -> No
     assert live.problem.contact.built is drawn
     for _ in range(20):
         live.advance()
-    assert live.values("ease")[0][0].min() > -TOLERANCE
+    assert live.values("gap")[0][0].min() > -TOLERANCE
     live.reset()
     assert live.problem.pose_run is not None
 

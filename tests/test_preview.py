@@ -8,13 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from PIL import Image
+from PIL import Image, ImageFont
 from worn import box_avatar, worn
 
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.export.picture_head import Head, wrapped
 from warp_cloth.export.preview import BACKGROUND, write_preview
 from warp_cloth.export.surface import cloth_colour, linear, srgb, winds_outward
 from warp_cloth.model.result import WornGarment
+from warp_cloth.report.shown import WORN
 
 SIZE = (360, 200)
 # sRGB bytes between the colour of a blue or a red cloth in any light and the avatar's grey
@@ -62,16 +64,26 @@ def test_every_view_has_its_label(tmp_path: Path) -> None:
 
 def test_title_stands_above(tmp_path: Path) -> None:
     plain = pictured(tmp_path / "a.png", worn())
-    titled = pictured(tmp_path / "b.png", worn(), title="shirt", sentence="At rest. " * 50)
+    titled = pictured(tmp_path / "b.png", worn(), head=Head("shirt", WORN, ["chest +2.3 cm"], "At rest. " * 90))
     strip = SIZE[1] // 8
     assert empty(plain)[:strip].all()
     assert (~empty(titled)[:strip]).any()
     assert empty(titled)[:, -2:].all()  # a long sentence is cut, not run off the picture
 
 
+def test_a_long_sentence_is_wrapped_and_ends_with_an_ellipsis_if_it_is_cut() -> None:
+    font = ImageFont.load_default(12)
+    lines = wrapped("The cloth passes through itself. " * 9, font, 300.0, 3)
+    assert len(lines) == 3
+    assert all(font.getlength(line) <= 300.0 for line in lines)
+    assert [line.endswith("…") for line in lines] == [False, False, True]
+    assert wrapped("At rest.", font, 300.0, 3) == ["At rest."]
+    assert wrapped("", font, 300.0, 3) == []
+
+
 def test_a_title_is_spelt_in_letters_that_the_font_has(tmp_path: Path) -> None:
-    marked = pictured(tmp_path / "a.png", worn(), title="Müller, très chic, 衣")
-    plain = pictured(tmp_path / "b.png", worn(), title="Muller, tres chic, ?")
+    marked = pictured(tmp_path / "a.png", worn(), head=Head("Müller, très chic, 衣", WORN, [], ""))
+    plain = pictured(tmp_path / "b.png", worn(), head=Head("Muller, tres chic, ?", WORN, [], ""))
     assert np.array_equal(np.asarray(marked), np.asarray(plain))
 
 

@@ -41,9 +41,7 @@ def test_a_ring_stands_at_a_vertex_that_is_concerned() -> None:
 @pytest.mark.parametrize("marked", [False, True])
 def test_the_picture_is_red_where_a_problem_is(tmp_path: Path, marked: bool) -> None:
     problems = [problem(faces=tuple(range(10)))] if marked else []
-    write_preview(
-        tmp_path / "p.png", garments=[SHIRT], avatar=box_avatar(), size=(600, 300), title="shirt", problems=problems
-    )
+    write_preview(tmp_path / "p.png", garments=[SHIRT], avatar=box_avatar(), size=(600, 300), problems=problems)
     pixels = np.asarray(Image.open(tmp_path / "p.png").convert("RGB")).astype(int)
     red = (pixels[..., 0] > 120) & (pixels[..., 1] < 60) & (pixels[..., 2] < 60)
     assert (red.sum() > 100) == marked

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import pydoc
+import subprocess
+import sys
+from functools import partial
 from importlib.metadata import version
 
 from typer.testing import CliRunner
@@ -16,6 +19,28 @@ def test_public_names_are_listed_before_they_are_imported() -> None:
     for name in warp_cloth.__all__:
         assert getattr(warp_cloth, name).__name__ == name
     assert warp_cloth.__version__ == version("warp-cloth")
+
+
+def test_a_fit_shows_itself() -> None:
+    scene = {"garment.shape.edge_mm": 60, "solver.iterations": 300, "collision.pixel_mm": 10}
+    fit = warp_cloth.fit("tshirt", overrides=scene, device="cpu")
+    assert repr(fit).startswith("<Fit of 'tshirt': ")
+    assert len(repr(fit)) < 120
+    page = fit._repr_html_()
+    chest = fit.ease["tshirt"]["chest"]
+    assert chest is not None
+    assert f"ease: chest {100 * chest:+.1f} cm" in page
+    assert "data:image/png;base64," in page
+    assert list(fit.ease["tshirt"]) == [row["level"] for row in fit.report["girths_mm"]]
+
+
+def test_warp_is_quiet_unless_python_logs() -> None:
+    script = "import logging, sys; logging.basicConfig(level=sys.argv[1]); import warp_cloth; "
+    script += "warp_cloth.fit('hanging', overrides={'solver.iterations': 1}, device='cpu')"
+    run = partial(subprocess.run, capture_output=True, text=True, check=True)
+    quiet, loud = (run([sys.executable, "-c", script, level]) for level in ("WARNING", "INFO"))
+    assert (quiet.stdout, quiet.stderr) == ("", "")
+    assert "Warp" in loud.stdout
 
 
 def test_help_of_the_package_describes_its_names() -> None:

@@ -22,12 +22,12 @@ def report() -> dict[str, Any]:
         "avatar": {"shape": {"kind": "sphere", "edge_mm": 30}},
         "collision": {"pixel_mm": 5},
     }
-    return fit(scene, device="cpu", maps="ease,pressure").report
+    return fit(scene, device="cpu", maps="gap,pressure").report
 
 
 def page_of(report: dict[str, Any], folder: Path, name: str = "square") -> str:
     pictures = {}
-    for key in ("preview", "ease", "pressure"):
+    for key in ("preview", "gap", "pressure"):
         pictures[key] = folder / f"{key}.png"
         Image.new("RGB", (4, 4)).save(pictures[key])
     write_report_page(folder / "report.html", name, report, pictures)

@@ -14,6 +14,7 @@ import warp_cloth
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.units import METRES_PER
 from warp_cloth.fitting.fit import fit
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.garment.panel_fit import fit_panels
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.garment.rest_choice import RestSource, choose_rest
@@ -198,3 +199,13 @@ def test_the_report_and_the_summary_say_what_was_chosen() -> None:
     rests = [choice for choice in worn.report["choices"] if choice["key"] == "garment.rest"]
     assert [choice["value"] for choice in rests] == ["uv"]
     assert any("chosen" in line and "garment.rest = uv" in line for line in summary("tshirt", worn.report, []))
+
+
+def test_the_shipped_shirt_is_cut_from_its_panels_on_any_body() -> None:
+    """A small shirt drawn round a large body has other lengths there; they are not its own."""
+    small = {"garment.shape": {"kind": "tshirt", "size": "S", "edge_mm": 40}}
+    large = {"avatar.shape.chest": 1.15, "avatar.shape.waist": 1.1}
+    lengths = [
+        load_outfit(load_scene("tshirt", {**small, **body})).garments[0].rest.edge_length for body in ({}, large)
+    ]
+    assert lengths[0].sum() == pytest.approx(lengths[1].sum(), rel=0.01)

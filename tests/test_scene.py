@@ -208,7 +208,7 @@ def test_set_chooses_among_garments() -> None:
     scene = load_scene(values, ["garment[1].fabric=silk"])
     assert [garment.fabric.name for garment in scene.garments] == ["default", "silk"]
     line = refused(values, "garment.fabric=silk")
-    assert line == "--set garment.fabric=silk: the scene has 2 garments; give an index: garment[0] is the first"
+    assert line == "override garment.fabric=silk: the scene has 2 garments; give an index: garment[0] is the first"
     assert "there is no [2]; the list has 2, counted from 0" in refused(values, "garment[2].fabric=silk")
     assert "there is no garment[1]" in refused("tshirt", "garment[1].fabric=silk")
     assert load_scene("tshirt", ["garment[0].fabric=silk"]).garments[0].fabric.name == "silk"
@@ -251,21 +251,21 @@ def test_a_path_may_begin_at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("foo", "--set foo: has no value; write KEY=VALUE"),
-        ("=3", '--set =3: "" is not a key; write KEY=VALUE'),
+        ("foo", "override foo: has no value; write KEY=VALUE"),
+        ("=3", 'override =3: "" is not a key; write KEY=VALUE'),
         ("a b.c=3", '"a b.c" is not a key'),
-        ("solver.residual.x=3", "--set solver.residual.x=3: 0.01 is a value, not a table"),
-        ("solver[0]=3", "--set solver[0]=3: there is no list for [0]; remove the index"),
+        ("solver.residual.x=3", "override solver.residual.x=3: 0.01 is a value, not a table"),
+        ("solver[0]=3", "override solver[0]=3: there is no list for [0]; remove the index"),
         ("solver.iteration=3", "unknown key solver.iteration; did you mean solver.iterations?"),
         (
             "solver.iterations=many",
-            '--set solver.iterations=many: must be an integer from 0 to 10000000, not "many"',
+            'override solver.iterations=many: must be an integer from 0 to 10000000, not "many"',
         ),
-        ("garment.shape.size=XL", '--set garment.shape.size=XL: must be one of "S", "M", "L", not "XL"'),
-        ("garment.pin.loop=up", '--set garment.pin.loop=up: "up" is not a boundary loop; use "top"'),
+        ("garment.shape.size=XL", 'override garment.shape.size=XL: must be one of "S", "M", "L", not "XL"'),
+        ("garment.pin.loop=up", 'override garment.pin.loop=up: "up" is not a boundary loop; use "top"'),
         (
             "garment.fabric.weight=x",
-            '--set garment.fabric.weight=x: must be a number from 0.001 to 100, not "x"',
+            'override garment.fabric.weight=x: must be a number from 0.001 to 100, not "x"',
         ),
         ("avatar.shape={kind='egg'}", 'avatar.shape.kind: unknown kind "egg"; use one of "sphere"'),
     ],
@@ -276,12 +276,17 @@ def test_an_error_of_set_quotes_it(text: str, line: str) -> None:
 
 def test_a_set_that_a_later_kind_undoes_is_refused() -> None:
     lost, kind = "avatar.shape.chest=1.1", "avatar.shape.kind=sphere"
-    assert refused("tshirt", lost, kind) == f"--set {lost}: is undone by --set {kind}; remove it, or put it after that"
+    assert (
+        refused("tshirt", lost, kind)
+        == f"override {lost}: is undone by override {kind}; remove it, or put it after that"
+    )
     assert load_scene("tshirt", ["garment.shape.size=L", "garment.mesh=a.obj"]).garments[0].shape is None
 
 
 def test_of_several_sets_the_one_that_is_wrong_is_named() -> None:
-    assert refused("tshirt", "garment.shape.size=L", "garment.shape.size=XL").startswith("--set garment.shape.size=XL:")
+    assert refused("tshirt", "garment.shape.size=L", "garment.shape.size=XL").startswith(
+        "override garment.shape.size=XL:"
+    )
 
 
 def test_a_long_set_is_cut_short() -> None:

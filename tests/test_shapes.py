@@ -258,8 +258,10 @@ def test_builders_read_scene_shapes() -> None:
     assert build_garment(cloth).vertex_count == 9
     ball = SimpleNamespace(kind="sphere", radius=0.1, centre=(0.0, 0.0, 0.0), edge_mm=50.0)
     assert build_avatar(ball).bounds()[1][0] <= 0.1
-    body = SimpleNamespace(kind="mannequin", stature=None, chest=1.0, waist=None, hip=None, arm_angle_degrees=45.0)
-    assert mannequin_measures(body, size="S") == MannequinMeasures(1.70, 1.0, 0.78, 0.94, 45.0)
+    body = SimpleNamespace(
+        kind="mannequin", stature=None, chest=1.0, waist=None, hip=None, arm_angle_degrees=45.0, size="S"
+    )
+    assert mannequin_measures(body) == MannequinMeasures(1.70, 1.0, 0.78, 0.94, 45.0)
 
 
 def test_unknown_kind_is_refused() -> None:

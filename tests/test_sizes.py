@@ -13,6 +13,9 @@ from typer.testing import CliRunner
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch.sizes import LevelFit, SizeFit, fit_sizes, recommendation
 from warp_cloth.cli.main import app
+from warp_cloth.garment.outfit import avatar_recipe
+from warp_cloth.scene import TshirtShape, load_scene
+from warp_cloth.shapes import SIZE_BODIES, mannequin_measures
 
 QUICK = ["garment.shape.edge_mm=55", "solver.iterations=600", "collision.pixel_mm=10"]
 
@@ -55,8 +58,19 @@ def test_a_size_that_slides_down_is_not_taken_and_one_still_moving_is_told_of() 
     )
 
 
+def test_a_size_of_the_garment_leaves_the_body_alone() -> None:
+    scenes = [load_scene("tshirt", {"garment.shape.size": size}) for size in ("s", "M", "L")]
+    assert scenes[0].garments[0].shape == TshirtShape(kind="tshirt", size="S")
+    assert len({avatar_recipe(scene)[0].key for scene in scenes}) == 1
+    small, large = (load_scene("tshirt", {"avatar.shape.size": size}).avatar for size in "SL")
+    assert small is not None
+    assert large is not None
+    assert mannequin_measures(small.shape) == SIZE_BODIES["S"]
+    assert mannequin_measures(large.shape) == SIZE_BODIES["L"]
+
+
 def test_all_sizes_meet_the_same_body_and_larger_ones_leave_more() -> None:
-    run = fit_sizes("tshirt", overrides=QUICK, device="cpu")
+    run = fit_sizes("tshirt", ["s", "m", "L"], overrides=QUICK, device="cpu")
     assert [each.size for each in run.sizes] == ["S", "M", "L"]
     avatars = [each.fit.avatar.points for each in run.sizes if each.fit and each.fit.avatar]
     assert len(avatars) == 3
@@ -85,7 +99,7 @@ def test_the_command_writes_the_table_and_the_stages(tmp_path: Path) -> None:
     )
     assert done.exit_code == 0, done.output
     assert "take M: " in done.stdout
-    assert {path.name for path in tmp_path.iterdir()} == {"tshirt_M.usdc", "sizes.json"}
+    assert {path.name for path in tmp_path.iterdir()} == {"tshirt_M.usdc", "sizes.html", "sizes.json"}
 
 
 @pytest.mark.parametrize(

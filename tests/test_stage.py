@@ -196,10 +196,10 @@ def test_any_name_becomes_a_legal_prim_and_stays_readable(tmp_path: Path) -> Non
 def test_field_names_do_not_take_the_surface_own(tmp_path: Path) -> None:
     garment = worn()
     ones = np.ones(garment.mesh.vertex_count, dtype=np.float32)
-    fields = {"st": ones, "normals": ones, "ease [mm]": ones}
+    fields = {"st": ones, "normals": ones, "gap [mm]": ones}
     stage = written(tmp_path / "fit.usdc", replace(garment, fields=fields))
     primvars = UsdGeom.PrimvarsAPI(surface(stage)).GetPrimvarsWithAuthoredValues()
-    assert {p.GetPrimvarName() for p in primvars} == {"st", "st_2", "normals_2", "ease__mm_"}
+    assert {p.GetPrimvarName() for p in primvars} == {"st", "st_2", "normals_2", "gap__mm_"}
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
@@ -209,7 +209,7 @@ def test_what_is_not_finite_is_refused_and_leaves_no_file(tmp_path: Path, where:
     assert garment.frames is not None
     bad = {"points": garment.points.copy(), "frames": garment.frames.astype(np.float64)}
     if where == "fields":
-        bad["fields"] = {"ease": np.full(garment.mesh.vertex_count, value)}
+        bad["fields"] = {"gap": np.full(garment.mesh.vertex_count, value)}
     else:
         bad[where][..., 3, 1] = value
     with pytest.raises(ValueError, match="bad shirt"):

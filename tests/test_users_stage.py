@@ -40,7 +40,7 @@ def world_points(stage: Usd.Stage, path: str) -> np.ndarray:
 @pytest.fixture(scope="module")
 def metres(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Fit]:
     path = write_users_stage(tmp_path_factory.mktemp("metres"))
-    return path, fitted(path, maps="strain,pressure,ease")
+    return path, fitted(path, maps="strain,pressure,gap")
 
 
 def test_the_scene_comes_from_the_physics_schema(metres: tuple[Path, Fit]) -> None:
@@ -197,7 +197,7 @@ def test_a_stage_without_physics_must_be_told_its_prims(tmp_path: Path) -> None:
     path = write_users_stage(tmp_path, physics=False)
     with pytest.raises(InputError, match="no mesh of the stage is a surface deformable") as refused:
         load_scene(path)
-    assert "--set garment.prim=PATH --set avatar.prim=PATH" in refused.value.remedy
+    assert "override garment.prim=PATH and override avatar.prim=PATH" in refused.value.remedy
     scene = load_scene(path, ("garment.prim=/World/wardrobe/cloth", "avatar.prim=/World/ball"))
     assert scene.garments[0].rest == "auto"
 

@@ -96,7 +96,7 @@ def test_reset_goes_back_to_the_start(live: LiveFit) -> None:
 def test_maps_are_there_while_it_moves(live: LiveFit) -> None:
     for _ in range(10):
         live.advance()
-    for name in ("ease", "pressure", "strain_warp"):
+    for name in ("gap", "pressure", "strain_warp"):
         shown = live.values(name)
         assert shown is not None
         assert len(shown[0][0]) == len(live.points)
@@ -105,10 +105,10 @@ def test_maps_are_there_while_it_moves(live: LiveFit) -> None:
 
 def test_the_saved_stage_is_what_is_shown(live: LiveFit, tmp_path: Path) -> None:
     live.advance()
-    stage = Usd.Stage.Open(str(live.saved(tmp_path, "ease")))
+    stage = Usd.Stage.Open(str(live.saved(tmp_path, "gap")))
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/scene/square/square_mesh"))
     assert np.allclose(mesh.GetPointsAttr().Get(), live.points, atol=1e-6)
-    assert UsdGeom.PrimvarsAPI(mesh).GetPrimvar("ease").HasValue()
+    assert UsdGeom.PrimvarsAPI(mesh).GetPrimvar("gap").HasValue()
     assert mesh.GetDisplayColorPrimvar().HasValue()
 
 
@@ -219,6 +219,25 @@ def test_a_fabric_of_the_scenes_own_is_offered_and_can_be_gone_back_to(change: d
     finally:
         page.stop()
         page.run()
+
+
+def test_a_browser_opens_the_page_where_that_is_asked(live: LiveFit, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("viser")
+    from warp_cloth.view import page
+
+    opened: list[str] = []
+    run = page.Page.run
+
+    def stopped(self: page.Page) -> None:
+        self.stop()
+        run(self)
+
+    monkeypatch.setattr(page.Page, "run", stopped)
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    for asked in (False, True):
+        page.serve(live, host="127.0.0.1", port=0, show=lambda _: None, opened=asked)
+    (address,) = opened
+    assert address.startswith("http://127.0.0.1:")
 
 
 def test_the_innermost_of_several_garments_takes_the_size() -> None:

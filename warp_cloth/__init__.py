@@ -1,14 +1,14 @@
 """Garment fitting on NVIDIA Warp: the shape of a garment as worn on a body, with a certificate that it is at rest.
 
 >>> import warp_cloth
->>> fit = warp_cloth.fit("tshirt", overrides=["garment.shape.size=L"])
+>>> fit = warp_cloth.fit("tshirt", overrides={"garment.shape.size": "L"})
 >>> fit.worn, fit.message
 >>> [problem.code for problem in fit.problems]
 >>> fit.garments[0].points  # [m], shape [V, 3]
 >>> fit.save("out")  # USD stage, report, picture
 
-fit         fits the garments of one scene; returns a Fit
-load_scene  reads and checks a scene, with changes: load_scene("tshirt", ["garment.fabric=denim"])
+fit         fits the garments of one scene, or fit("shirt.obj", on="body.obj"); returns a Fit
+load_scene  reads and checks a scene, with changes: load_scene("tshirt", {"garment.fabric": "denim"})
 Fit         whether it is worn, problems, garments, report; save() writes them
 FitProblem  what is wrong with a fit: a ProblemCode, a message, a remedy, figures, vertices and faces
 InputError  raised on any bad input: one sentence with the place, the problem, and a remedy

@@ -86,7 +86,7 @@ def true_cases() -> list[Case]:
 def case_tree(case: Case, folder: Path) -> dict[str, Any]:
     """The case as a scene; its garment's mesh is written into the folder."""
     if case.kind == "tshirt":
-        body = {"kind": "mannequin"} | ({"chest": case.chest} if case.chest else {})
+        body = {"kind": "mannequin", "size": case.size} | ({"chest": case.chest} if case.chest else {})
         shirt = {"kind": "tshirt", "size": case.size, "edge_mm": case.edge_mm}
         return {"garment": {"shape": shirt, "rest": "uv", "fabric": case.fabric},
                 "avatar": {"shape": body, "friction": case.friction}}  # fmt: skip

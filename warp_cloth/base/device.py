@@ -27,7 +27,7 @@ def device_named(name: str | None) -> str:
         return str(wp.get_device(name).alias)
     except (RuntimeError, ValueError):
         devices = ", ".join(str(device.alias) for device in wp.get_devices())
-        raise InputError("--device", f'there is no device "{name}" on this machine', f"use one of: {devices}") from None
+        raise InputError("device", f'there is no device "{name}" on this machine', f"use one of: {devices}") from None
 
 
 def likely_gpus(name: str | None) -> list[str]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+OVERRIDE = "override "  # begins a place that is one; the command line says --set, a batch the column
+
 
 class InputError(Exception):
     """Bad input, described in one line: "place: problem; remedy".

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import re
 import sys
+from collections.abc import Mapping
+from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +19,8 @@ else:
     import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
 
 LARGEST_FILE = 1_000_000  # [bytes]; these files are written by hand, so that a longer one is something else
+
+BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 MENDED = {  # the parser's messages for the most frequent mistakes
     "Invalid value": 'put strings in "quotes"; true and false are lower case',
@@ -46,6 +52,25 @@ def toml_value(text: str) -> Any:
     except (ValueError, RecursionError):
         return text
     return values["value"] if len(values) == 1 else text
+
+
+def toml_text(value: Any) -> str:
+    """A value in TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, (int, float, date, time, datetime)):
+        return str(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_key(str(key))} = {toml_text(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(toml_text(entry) for entry in value) + "]"
+    return json.dumps(str(value))
+
+
+def _key(name: str) -> str:
+    return name if BARE_KEY.fullmatch(name) else json.dumps(name, ensure_ascii=False)
 
 
 def exists(path: Path) -> bool:

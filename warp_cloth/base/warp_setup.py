@@ -6,7 +6,7 @@ import logging
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr
+from contextlib import contextmanager, nullcontext, redirect_stderr
 
 from warp_cloth.base.errors import OutputError
 
@@ -29,28 +29,25 @@ def keeping_kernels() -> Iterator[None]:
 
 
 def init_warp() -> None:
-    """Starts Warp, once per process.
+    """Starts Warp, once per process; its messages about devices and modules are shown where Python logs at INFO.
 
     Raises:
         OutputError: Warp's folder of compiled kernels cannot be written.
     """
     import warp
 
-    with keeping_kernels():
+    heard = logging.getLogger("warp_cloth").isEnabledFor(logging.INFO) or warp.config.log_level != warp.LOG_INFO
+    if not heard:
+        warp.config.log_level = warp.LOG_WARNING
+    with keeping_kernels(), nullcontext() if heard else _silenced_stderr():
         warp.init()
 
 
 def start_warp(verbose: bool = False) -> None:
-    """Starts Warp, without its messages about devices and modules unless ``verbose``."""
-    import warp
-
+    """Starts Warp, without its messages unless ``verbose``."""
     if verbose:
         logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
-        init_warp()
-        return
-    warp.config.log_level = warp.LOG_WARNING
-    with _silenced_stderr():
-        init_warp()
+    init_warp()
 
 
 @contextmanager

@@ -38,7 +38,7 @@ class RayPool:
         places = int(resources.get("GPU" if kind == "num_gpus" else "CPU", 0))
         if not places:
             self.close()
-            raise InputError("--device", "the cluster has no GPU", "use --device cpu, or add a node that has one")
+            raise InputError("device", "the cluster has no GPU", "use cpu, or add a node that has one")
         self._device = "cuda:0" if kind == "num_gpus" else "cpu"  # Ray shows a task its own GPU only
         self.devices: Sequence[str] = (self._device,) * min(places, workers or places)
         self._most = len(self.devices) if workers else MOST_SUBMITTED
@@ -81,7 +81,7 @@ def task_resources(device: str | None, cluster: dict[str, float]) -> dict[str, f
         return {"num_cpus": 1}
     if device == "cuda":
         return {"num_gpus": 1, "num_cpus": 1}
-    raise InputError("--device", f'"{device}" names one device of one machine', "on a cluster use cpu or cuda")
+    raise InputError("device", f'"{device}" names one device of one machine', "on a cluster use cpu or cuda")
 
 
 def _check_answers(address: str) -> None:
@@ -96,12 +96,12 @@ def _check_answers(address: str) -> None:
 
 
 def _no_answer(address: str, error: Exception) -> InputError:
-    return InputError("--ray", f"no cluster answers at {address} ({error})", "start one with `ray start --head`")
+    return InputError("ray", f"no cluster answers at {address} ({error})", "start one with `ray start --head`")
 
 
 def _ray() -> Any:
     try:
         import ray
     except ImportError:
-        raise InputError("--ray", "Ray is not installed", "pip install 'warp-cloth[ray]'") from None
+        raise InputError("ray", "Ray is not installed", "pip install 'warp-cloth[ray]'") from None
     return ray

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import csv
+import difflib
+import functools
 import io
-import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from datetime import date, datetime, time
+from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.text import to_utf8
-from warp_cloth.base.toml_file import exists, read_toml
+from warp_cloth.base.toml_file import exists, read_toml, toml_text
 from warp_cloth.batch.product import AXES, product_rows
+from warp_cloth.batch.rows import COLUMNS
 from warp_cloth.loading.raw import counted
+from warp_cloth.scene.overrides import flat
+from warp_cloth.scene.reference import TABLES
+from warp_cloth.scene.schema import Scene
 
 REMEDY = "give a table as .csv, .parquet or .toml, with the columns scene, name and scene keys such as garment.fabric"
 LARGEST_JOB_FILE = 200_000_000  # [bytes]; a million tables
@@ -27,8 +31,8 @@ AVATAR_KEYS = ("avatar=", "avatar.mesh", "avatar.prim", "avatar.units", "avatar.
 PLAIN_NAME = re.compile(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}")
 INTEGER = re.compile(r"^([-+]?\d+)\.0+$")
 FRAME_INDEX = "__index_level_"  # prefix that pandas gives a data frame's index in a file
+ALIKE = 0.75  # least likeness of a column to a scene key that it probably misspells
 TEXTS = ("name", "scene")  # columns that hold no numbers
-WHOLE = ("kind", "name")  # a table with one of these keys replaces the scene's; others change it key by key
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,13 @@ class Item:
     scene: str  # a scene file or a shipped scene's name
     changes: tuple[str, ...] = ()  # KEY=VALUE
     problem: str = ""  # why the row cannot be used, if it cannot
+    cells: tuple[tuple[str, Any], ...] = field(default=(), compare=False)  # the row's columns as given, but its name
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """What the job says of it, by column, for its results: as given, or of an item made in Python its changes."""
+        changes = (change.partition("=") for change in self.changes)
+        return dict(self.cells or (("scene", self.scene), *((key, value) for key, _, value in changes)))
 
 
 def avatar_key(item: Item) -> tuple[str, ...]:
@@ -184,22 +195,23 @@ def _item(row: Mapping[str, Any], number: int, folder: Path) -> Item:
         name, problem = f"row-{number}", f'"{name}" cannot be a file name; use 1 to 100 characters, without slashes'
     if not problem and not isinstance(scene, str):
         problem = "the row names no scene; give a scene file or a shipped scene"
-    changes = []
-    for key, value in flat(row):
-        if key not in ("name", "scene", "problem"):
-            changes.append(f"{key}={_text(_from_folder(key, value, folder))}")
-    return Item(name, str(_from_folder("scene", scene or "", folder)), tuple(changes), problem)
+    cells = [(key, value) for key, value in flat(row) if key not in ("name", "problem")]
+    changes = [
+        f"{key}={_text(_from_folder(key, value, folder))}"
+        for key, value in cells
+        if key != "scene" and not is_callers(key)
+    ]
+    return Item(name, str(_from_folder("scene", scene or "", folder)), tuple(changes), problem, tuple(cells))
 
 
-def flat(values: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
-    """Dotted keys and values of nested tables; a table with a key of WHOLE stays a table."""
-    found: list[tuple[str, Any]] = []
-    for key, value in values.items():
-        if isinstance(value, Mapping) and not any(word in value for word in WHOLE):
-            found += flat(value, f"{above}{key}.")
-        else:
-            found.append((f"{above}{key}", value))
-    return found
+@functools.cache
+def is_callers(column: str) -> bool:
+    """Whether a column is no scene key, nor like one: the caller's own, which goes into the results as it is."""
+    if not column.isidentifier() or column in COLUMNS:
+        return False
+    keys = {*Scene.model_fields, *(name for _, table in TABLES for name in table.model_fields)}
+    keys |= {field.alias for field in Scene.model_fields.values() if field.alias}
+    return not difflib.get_close_matches(column.lower(), sorted(keys), n=1, cutoff=ALIKE)
 
 
 def _from_folder(key: str, value: Any, folder: Path) -> Any:
@@ -215,21 +227,6 @@ def _text(value: Any) -> str:
     if isinstance(value, str):
         return value
     return toml_text(value)
-
-
-def toml_text(value: Any) -> str:
-    """A value in TOML."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, (int, float, date, time, datetime)):
-        return str(value)
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{json.dumps(str(key))} = {toml_text(entry)}" for key, entry in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(toml_text(entry) for entry in value) + "]"
-    return json.dumps(str(value))
 
 
 def _check_names(items: Sequence[Item], place: str | Path) -> None:

@@ -66,11 +66,14 @@ def summary(report: BatchReport) -> list[str]:
     if report.worn < items:
         found = ", ".join(f"{count} {code}" for code, count in report.problems.items())
         lines.append(f"  worn         {report.worn} of {items}" + (f"; problems: {found}" if found else ""))
-    lines += [f"  {count} without a result: {reason}" for reason, count in list(report.reasons.items())[:MOST_REASONS]]
+    for reason, names in list(report.reasons.items())[:MOST_REASONS]:
+        more = f" and {len(names) - 1:,} more" if len(names) > 1 else ""
+        lines.append(f"  no result    {names[0]}{more}: {reason}")
     if len(report.reasons) > MOST_REASONS:
-        more = len(report.reasons) - MOST_REASONS
-        lines.append(f"  and {counted(more, 'more reason')}, in the column message")
-    lines.append(f"  wrote        {report.folder / 'results.parquet'}, results.csv")
+        others = len(report.reasons) - MOST_REASONS
+        lines.append(f"  and {counted(others, 'more reason')}, in the column message")
+    sheet = f", {report.sheet.name}" if report.sheet is not None else ""
+    lines.append(f"  wrote        {report.folder / 'results.parquet'}, results.csv{sheet}")
     for reason, count in report.unwritten.items():
         lines.append(f"  {counted(count, 'item')} not done: {reason}; run the same command again to continue")
     return lines

@@ -59,9 +59,10 @@ class BatchReport:
     statuses: dict[str, int]  # items by status
     unwritten: dict[str, int]  # items whose results could not be written, by reason; the next run does them
     progress: BatchProgress
-    reasons: dict[str, int]  # why items have no worn garment, and how many each, the most frequent first
+    reasons: dict[str, tuple[str, ...]]  # why items have no worn garment, and their names, the most frequent first
     worn: int = 0  # items that are worn
     problems: dict[str, int] = field(default_factory=dict)  # items by code of their problems, the most frequent first
+    sheet: Path | None = None  # the contact sheet, if there is one
 
     @property
     def complete(self) -> bool:
@@ -77,6 +78,7 @@ def run_batch(
     ray: str | None = None,
     keep: Keep = "arrays",
     shard: int | None = None,
+    sheet: int = 0,
     progress: Callable[[BatchProgress], None] | None = None,
 ) -> BatchReport:
     """Fits every item of a job file, and continues an earlier run of the same batch.
@@ -90,6 +92,7 @@ def run_batch(
         keep: "arrays", a packed file per shard, "stages", a USD stage per item, or "none".
         shard: items per task and file, up to a quarter more where they have the same avatar; None: by device and
             number of items, or as in the folder's earlier run.
+        sheet: number of thumbnails on contact_sheet.html, the worst items first; needs ``keep="arrays"``.
         progress: called with the number of items done.
 
     Raises:
@@ -99,24 +102,39 @@ def run_batch(
     if ray is None:
         start_forkserver(device)
     if keep not in get_args(Keep):
-        raise InputError("--keep", f'"{keep}" is not known', f"use one of {', '.join(get_args(Keep))}")
-    if workers is not None and arguments.integer(workers, "--workers") < 1:
-        raise InputError("--workers", f"a batch needs at least 1 process, not {workers}", "give 1 or more")
-    if shard is not None and arguments.integer(shard, "--shard") < 1:
-        raise InputError("--shard", f"a shard needs at least 1 item, not {shard}", "give 1 or more")
+        raise InputError("keep", f'"{keep}" is not known', f"use one of {', '.join(get_args(Keep))}")
+    if workers is not None and arguments.integer(workers, "workers") < 1:
+        raise InputError("workers", f"a batch needs at least 1 process, not {workers}", "give 1 or more")
+    if shard is not None and arguments.integer(shard, "shard") < 1:
+        raise InputError("shard", f"a shard needs at least 1 item, not {shard}", "give 1 or more")
+    if arguments.integer(sheet, "sheet") < 0 or (sheet and keep != "arrays"):
+        raise InputError("sheet", f"{sheet} thumbnails cannot be drawn", 'give 0 or more, and keep "arrays"')
     began = time.perf_counter()
     pool = _pool(device, workers, ray)  # its processes start while the jobs are read
     try:
         items = read_jobs(jobs) if isinstance(jobs, (str, Path)) else checked_items(jobs)
-        store = Store(arguments.path(out, "--out").absolute(), keep)
+        store = Store(arguments.path(out, "out").absolute(), keep)
         store.open()
         with store.locked():
             store.check_batch(items)
             size = store.shard_size(shard or _shard_size(len(items), pool.devices), shard is not None)
             with store.shared_folder() as shared:
-                return Batch(store, split(items, size), pool, progress or (lambda _: None), began, shared).run()
+                report = Batch(store, split(items, size), pool, progress or (lambda _: None), began, shared).run()
+            if sheet:
+                report = replace(report, sheet=_sheet(store.folder, items, sheet))
+            return report
     finally:
         pool.close()
+
+
+def _sheet(folder: Path, items: Sequence[Item], count: int) -> Path:
+    import pyarrow.parquet
+
+    from warp_cloth.batch.contact_sheet import write_contact_sheet
+
+    start_warp()
+    table = pyarrow.parquet.read_table(folder / "results.parquet")
+    return write_contact_sheet(folder, items, table.to_pylist(), count)
 
 
 def _pool(device: str | None, workers: int | None, ray: str | None) -> Pool:
@@ -267,16 +285,18 @@ class Batch:
         unwritten: collections.Counter[str] = collections.Counter()
         for number, reason in self._problems.items():
             unwritten[reason] += len(self._shards[number].items)
-        rows = zip(table["digest"].to_pylist(), table["message"].to_pylist(), strict=True)
-        failures = [str(message) for digest, message in rows if digest is None]
-        reasons = collections.Counter(reason for reason in failures if reason not in unwritten)
+        reasons: dict[str, list[str]] = {}
+        rows = zip(*(table[column].to_pylist() for column in ("name", "digest", "message")), strict=True)
+        for name, digest, message in rows:
+            if digest is None and message not in unwritten:
+                reasons.setdefault(str(message), []).append(str(name))
         problems = collections.Counter(code for codes in table["problems"].to_pylist() for code in codes)
         return BatchReport(
             self._store.folder,
             dict(statuses),
             dict(unwritten),
             self._progress,
-            dict(reasons.most_common()),
+            {reason: tuple(names) for reason, names in sorted(reasons.items(), key=lambda each: -len(each[1]))},
             sum(table["worn"].to_pylist()),
             dict(problems.most_common()),
         )

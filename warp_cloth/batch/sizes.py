@@ -5,22 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from warp_cloth.anatomy.levels import body_levels
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base import arguments
 from warp_cloth.base.errors import InputError
-from warp_cloth.batch.jobs import PLAIN_NAME, toml_text
+from warp_cloth.base.toml_file import toml_text
+from warp_cloth.batch.contact_sheet import NO_RESULT, Card, thumbnail, write_cards
+from warp_cloth.batch.jobs import PLAIN_NAME
 from warp_cloth.fitting.fit import Fit, fit
 from warp_cloth.garment.garment import Garment
-from warp_cloth.garment.outfit import load_outfit, worn_size
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
-from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
-from warp_cloth.scene.shapes import Size
-from warp_cloth.shapes import mannequin_measures
+from warp_cloth.report.shown import shown_verdict
+from warp_cloth.scene import Scene, TshirtShape, load_scene
+from warp_cloth.scene.shapes import SIZES
 
 SIZE = "{size}"  # stands for the size in a change, as in garment.mesh=shirt_{size}.obj
 # Ease of a loose garment at its tightest level [m]: pattern books give 4 to 10 cm for shirts.
@@ -64,6 +66,21 @@ class SizeFit:
         """The least ease of all levels [m]."""
         return min((level.ease for level in self.levels.values()), default=None)
 
+    @property
+    def figures(self) -> str:
+        """Ease at each level and strain, in a line."""
+        levels = [f"{name} {100 * level.ease:+.1f} cm" for name, level in self.levels.items()]
+        strain = f"strain p99 {100 * self.strain_p99:.1f} %" if self.strain_p99 is not None else self.message
+        return ", ".join([*levels, strain, *([] if self.held else ["slides down"])])
+
+    def card(self) -> Card:
+        """The size as a card of a page."""
+        if self.fit is None:
+            return Card(self.size, NO_RESULT.words, NO_RESULT.colour, "", self.message, "")
+        verdict = shown_verdict(self.fit.report)
+        picture = thumbnail(self.fit.garments, self.fit.avatar)
+        return Card(self.size, verdict.words, verdict.colour, f"ease: {self.figures}", self.message, picture)
+
 
 @dataclass(frozen=True, eq=False)
 class SizeRun:
@@ -74,6 +91,11 @@ class SizeRun:
     sizes: tuple[SizeFit, ...]
     recommended: str | None
     reason: str
+
+    @property
+    def advice(self) -> str:
+        """What to take and why, in a sentence."""
+        return f"take {self.recommended}: {self.reason}" if self.recommended else self.reason
 
     def report(self) -> dict[str, Any]:
         """The contents of sizes.json; lengths in centimetres where the names say so."""
@@ -106,7 +128,7 @@ class SizeRun:
         }
 
     def save(self, directory: str | Path) -> list[Path]:
-        """Writes a stage for each size, then sizes.json.
+        """Writes a stage for each size, a page with their pictures, then sizes.json.
 
         Raises:
             InputError: the folder cannot be written.
@@ -122,6 +144,8 @@ class SizeRun:
             if each.fit is not None:
                 paths.append(folder / f"{self.name}_{each.size}.usdc")
                 write_stage(paths[-1], garments=each.fit.garments, avatar=each.fit.avatar, name=self.name)
+        paths.append(folder / "sizes.html")
+        write_cards(paths[-1], f"{self.name}: {self.advice}", [each.card() for each in self.sizes])
         write_report(folder / "sizes.json", self.report())
         return [*paths, folder / "sizes.json"]
 
@@ -156,7 +180,7 @@ def fit_sizes(
     )
     for size in sizes:
         if not PLAIN_NAME.fullmatch(size):
-            remedy = f"use no slashes; folders go before it: --set garment.mesh=FOLDER/{SIZE}.obj"
+            remedy = f"use no slashes; folders go before it: override garment.mesh=FOLDER/{SIZE}.obj"
             raise InputError("sizes", f'"{size}" names a stage, and cannot be part of a file name', remedy)
     plain = [change for change in changes if SIZE not in change]
     sized = [change for change in changes if SIZE in change]
@@ -170,15 +194,15 @@ def fit_sizes(
     ]
     generated = isinstance(base.garments[0].shape, TshirtShape)
     if not sized and not generated:
-        raise InputError("sizes", "nothing in the scene depends on the size", f"--set garment.mesh=shirt_{SIZE}.obj")
+        raise InputError("sizes", "nothing in the scene depends on the size", f"override garment.mesh=shirt_{SIZE}.obj")
     if sized and not sizes:
         raise InputError("sizes", "no sizes are named", "give them from small to large: --size S --size M")
-    names = tuple(sizes) or get_args(Size)
+    names = tuple(sizes if sized else (size.upper() for size in sizes)) or SIZES
     first = "garment" if len(base.garments) == 1 else "garment[0]"
     chosen = {}  # all scenes are read first: a mistyped size costs no fit
     for size in names:
         own = [change.replace(SIZE, size) for change in sized] or [f"{first}.shape.size={size}"]
-        chosen[size] = load_scene(scene, [*plain, *_body(base), *own])
+        chosen[size] = load_scene(scene, [*plain, *own])
     found = []
     for size, sized_scene in chosen.items():
         if progress is not None:
@@ -186,15 +210,6 @@ def fit_sizes(
         found.append(_fit_size(size, sized_scene, device))
     recommended, reason = recommendation(found, ease)
     return SizeRun(base.name, ease, tuple(found), recommended, reason)
-
-
-def _body(base: Scene) -> list[str]:
-    """Changes that keep the mannequin's measures as the scene has them, whatever the garment's size."""
-    shape = base.avatar.shape if base.avatar is not None else None
-    if not isinstance(shape, MannequinShape):
-        return []
-    measures = mannequin_measures(shape, size=worn_size(base))
-    return [f"avatar.shape.{name}={getattr(measures, name)}" for name in ("stature", "chest", "waist", "hip")]
 
 
 def _fit_size(size: str, scene: Scene, device: str | None) -> SizeFit:

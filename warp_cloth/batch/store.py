@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.batch.columns import with_columns
 from warp_cloth.batch.jobs import Item, avatar_key, garments_key
 from warp_cloth.batch.rows import COLUMNS, FAILED, FIGURES, INTEGERS, ItemResult, empty_row
 from warp_cloth.export.files import unwritable, whole_file
@@ -333,8 +334,9 @@ class Store:
                 reason = problems.get(shard.number, "not done")
                 table = _table([empty_row(item.name, FAILED, reason) for item in shard.items])
             tables.append(table)
-        places = np.concatenate([shard.places for shard in shards])
-        merged = _arrow().concat_tables(tables).take(np.argsort(places))
+        places = np.argsort(np.concatenate([shard.places for shard in shards]))
+        items = [item for shard in shards for item in shard.items]
+        merged = with_columns(_arrow().concat_tables(tables).take(places), [items[place] for place in places])
         with whole_file(self.folder / "results.parquet") as place:
             _arrow().parquet.write_table(merged, place)
         with whole_file(self.folder / "results.csv") as place:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from warp_cloth.base.errors import InputError, OutputError
+from warp_cloth.base.errors import OVERRIDE, InputError, OutputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.batch.rows import FAILED, ItemResult, WornPoints, empty_row, row_of
 from warp_cloth.batch.store import Shard, Store, file_marks
@@ -106,7 +106,7 @@ class _TaskRun:
         return [found[item.name] for item in items]
 
     def _scene(self, item: Item) -> Scene | ItemResult:
-        from warp_cloth.batch.jobs import toml_text
+        from warp_cloth.base.toml_file import toml_text
         from warp_cloth.scene import load_scene
 
         try:
@@ -114,7 +114,7 @@ class _TaskRun:
                 raise InputError(item.name, item.problem)
             scene = load_scene(item.scene, (*item.changes, f"name={toml_text(item.name)}"))
         except InputError as error:
-            return ItemResult(empty_row(item.name, Status.INVALID.value, str(error)))
+            return ItemResult(empty_row(item.name, Status.INVALID.value, _in_columns(error)))
         sources = [scene.avatar.mesh] if scene.avatar is not None else []
         for garment in scene.garments:
             sources += [garment.mesh, garment.grain_texture]
@@ -163,6 +163,14 @@ class _TaskRun:
         if not device_answers(self._task.device):
             raise DeviceLostError(f"{self._task.device} stopped responding: {error}") from error
         return empty_row(item.name, FAILED, f"{type(error).__name__}: {' '.join(str(error).split())}")
+
+
+def _in_columns(error: InputError) -> str:
+    """The error in a job file's words: the column of the cell that is wrong."""
+    if not error.place.startswith(OVERRIDE):
+        return str(error)
+    column = error.place.removeprefix(OVERRIDE).partition("=")[0]
+    return str(InputError(f"column {column}", error.problem, error.remedy))
 
 
 def out_of_memory(error: BaseException) -> bool:

@@ -12,7 +12,7 @@ import typer
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device
-from warp_cloth.cli.terminal import one_line_errors, output_folder
+from warp_cloth.cli.terminal import can_plot, one_line_errors, output_folder
 
 
 def scenes() -> None:
@@ -65,10 +65,8 @@ def fabric(
             from warp_cloth.bench import run_bench
             from warp_cloth.bench.bench import DISC_RINGS, DISCS
             from warp_cloth.bench.save import save_bench, table
-            from warp_cloth.export.plots import figure_class
 
-            if plots:
-                figure_class()
+            plots = can_plot(plots)
             where = device_named(device)
             bench = run_bench(
                 chosen,
@@ -150,11 +148,9 @@ def _compare_colliders(
         start_warp(False)
         from warp_cloth.base.device import device_named
         from warp_cloth.bench.avatar import run_avatar_bench, save_avatar_bench, table
-        from warp_cloth.export.plots import figure_class
         from warp_cloth.garment.outfit import load_outfit
 
-        if plots:
-            figure_class()
+        plots = can_plot(plots)
         where = device_named(device)
         found = run_avatar_bench(
             chosen,

@@ -6,7 +6,10 @@ A command has as many parameters as it has options; that is not a function of to
 from __future__ import annotations
 
 import math
+import shlex
+import sys
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,10 +17,11 @@ import typer
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.cli.options import Changes, Device
+from warp_cloth.cli.options import Changes, Device, FabricName, On
 from warp_cloth.cli.terminal import BAD_INPUT, one_line_errors, output_folder
 
 if TYPE_CHECKING:
+    from warp_cloth.cli.fit_progress import ProgressDisplay
     from warp_cloth.fitting.fit import Fit
     from warp_cloth.scene import Scene
 
@@ -30,9 +34,11 @@ def fit(
         str,
         typer.Argument(
             help="Scene file (TOML), USD stage with a garment and an avatar, or the name of a shipped scene "
-            "(see `warp-cloth scenes`)."
+            "(see `warp-cloth scenes`); with --on, a garment's mesh."
         ),
     ],
+    on: On = None,
+    fabric: FabricName = None,
     device: Device = None,
     out: Annotated[
         Path, typer.Option(help="Output folder, for NAME.usdc, report.html, report.json and preview.png.")
@@ -43,7 +49,7 @@ def fit(
     ] = 0,
     maps: Annotated[
         str,
-        typer.Option(help="Fit maps, separated by commas: strain, pressure, ease, a single one (strain_warp), or all."),
+        typer.Option(help="Fit maps, separated by commas: strain, pressure, gap, a single one (strain_warp), or all."),
     ] = "",
     colour: Annotated[str, typer.Option(help="The map that colours the garments in the stage.")] = "",
     formats: Annotated[
@@ -61,10 +67,11 @@ def fit(
     problems); 2 bad input.
 
     \b
-    warp-cloth fit tshirt --set garment.shape.size=L --maps all --colour ease
+    warp-cloth fit shirt.obj --on body.obj --fabric jersey
+    warp-cloth fit tshirt --set garment.shape.size=L --maps all --colour gap
     warp-cloth fit stage.usda --set garment.prim=/World/shirt --set avatar.prim=/World/body
     """
-    with one_line_errors():
+    with one_line_errors("on", "fabric"):
         from warp_cloth.export.formats import check_inputs_kept, chosen_formats
         from warp_cloth.maps.kinds import chosen_colour, chosen_maps
         from warp_cloth.scene import load_scene
@@ -72,42 +79,58 @@ def fit(
         suffixes = chosen_formats(formats)
         map_names = chosen_maps(maps, place="--maps")
         colour_map = chosen_colour(colour, place="--colour")
-        chosen = load_scene(scene, changes or ())
+        chosen = load_scene(scene, changes or (), on=on, fabric=fabric)
         check_inputs_kept(chosen, out, suffixes)
         with output_folder(out, chosen.name):
             start_warp(verbose)
-            worn = _fit(chosen, device, frames, (*map_names, colour_map), start)
-            paths = worn.save(out, colour=colour_map, formats=suffixes)
+            with _display() as display:
+                worn = _fit(chosen, device, frames, (*map_names, colour_map), start, display)
+                worn.report["made"] = {"command": shlex.join(["warp-cloth", *sys.argv[1:]]), "date": _now()}
+                display.begin("export")
+                paths = worn.save(out, colour=colour_map, formats=suffixes)
     for line in summary(chosen.name, worn.report, paths):
         typer.echo(line)
     if not worn.worn:
         raise typer.Exit(NOT_WORN)
 
 
-def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str], start: Path | None) -> Fit:
+def _now() -> str:
+    """Date and time here, as a report states it."""
+    return datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z")
+
+
+def _display() -> ProgressDisplay:
     from rich.console import Console
 
     from warp_cloth.cli.fit_progress import ProgressDisplay
+
+    return ProgressDisplay(Console(stderr=True))
+
+
+def _fit(
+    scene: Scene, device: str | None, frames: int, maps: Sequence[str], start: Path | None, display: ProgressDisplay
+) -> Fit:
     from warp_cloth.fitting.fit import fit as run
 
-    with ProgressDisplay(Console(stderr=True)) as display:
-        return run(scene, device=device, frames=frames, maps=maps, start=start, progress=display)
+    return run(scene, device=device, frames=frames, maps=maps, start=start, progress=display)
 
 
 def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str]:
     """A fit in a few lines: its message, the certificate's main figures, the files written."""
     from warp_cloth.report.notes import notes_of
     from warp_cloth.report.numbers import shown_choice
+    from warp_cloth.report.shown import ease_lines, shown_verdict
 
     residual, strain = report.get("residual") or {}, report.get("strain") or {}
     yarns = {direction: strain[direction]["p99"] for direction in ("warp", "weft", "bias") if direction in strain}
     penetration, seconds = report.get("penetration_mm") or {}, report.get("seconds") or {}
-    lines = [f"{name}: {report.get('message') or report.get('status', 'unknown')}"]
-    rows = [
+    lines = [f"{name}: {shown_verdict(report).words}. {report.get('message') or report.get('status', 'unknown')}"]
+    rows = [("ease", line) for line in ease_lines(report)]
+    rows += [
         ("residual", _filled("{} relative rms, {} p99", residual, "relative_rms", "relative_p99")),
         ("rest error", _filled("{} mm", report, "rest_error_mm")),
-        ("strain", _filled("{} median, {} p99, {} max", strain, "p50", "p99", "max")),
-        ("yarn strain", _filled("{} warp, {} weft, {} bias (p99)", yarns, "warp", "weft", "bias")),
+        ("strain", _filled("{} median, {} p99, {} max", _percents(strain), "p50", "p99", "max")),
+        ("yarn strain", _filled("{} warp, {} weft, {} bias (p99)", _percents(yarns), "warp", "weft", "bias")),
         ("penetration", _filled("{} mm max, {} mm p99.9", penetration, "max", "p999")),
         ("crossings", _filled("{} pairs of faces", report.get("crossings") or {}, "pairs")),
         ("iterations", _filled("{} ({} per second)", report, "iterations", "iterations_per_second")),
@@ -123,15 +146,29 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
     return lines + [f"  wrote        {path}" for path in paths]
 
 
+def _percents(strains: Mapping[str, Any]) -> dict[str, Any]:
+    """Strains in per cent of the length at rest; what is no finite number is not known."""
+    from warp_cloth.report.shown import percent
+
+    numbers = {name: value for name, value in strains.items() if isinstance(value, float) and math.isfinite(value)}
+    return {name: percent(value) for name, value in numbers.items()}
+
+
 def _filled(text: str, values: Mapping[str, Any], *keys: str) -> str:
     """The text with these values filled in; empty if none of them is known."""
-    from warp_cloth.report.numbers import short_number
-
     found = [values.get(key) for key in keys]
     found = [None if isinstance(value, float) and not math.isfinite(value) else value for value in found]
     if all(value is None for value in found):
         return ""
-    return text.format(*("?" if v is None else f"{v:,}" if isinstance(v, int) else short_number(v) for v in found))
+    return text.format(*map(_shown, found))
+
+
+def _shown(value: Any) -> str:
+    from warp_cloth.report.numbers import short_number
+
+    if value is None:
+        return "?"
+    return value if isinstance(value, str) else f"{value:,}" if isinstance(value, int) else short_number(value)
 
 
 def batch(
@@ -155,6 +192,9 @@ def batch(
     shard: Annotated[
         int | None, typer.Option(help="Items per shard (a task, and its file).", show_default="depends on the device")
     ] = None,
+    sheet: Annotated[
+        int, typer.Option(help="Thumbnails on contact_sheet.html, the worst items first; 0: no such page.")
+    ] = 0,
 ) -> None:
     """Fit many scenes. If it is interrupted, the same command continues where it stopped.
 
@@ -185,6 +225,7 @@ def batch(
                 ray=ray,
                 keep=keep,  # type: ignore[arg-type]
                 shard=shard,
+                sheet=sheet,
                 progress=display,
             )
     for line in batch_summary(report):
@@ -213,7 +254,9 @@ def sizes(
     ] = None,
     ease: Annotated[float, typer.Option(help="Desired ease at chest, waist and hip, in cm.")] = 4.0,
     device: Device = None,
-    out: Annotated[Path, typer.Option(help="Output folder, for sizes.json and the stage of each size.")] = Path("out"),
+    out: Annotated[
+        Path, typer.Option(help="Output folder, for sizes.html, sizes.json and the stage of each size.")
+    ] = Path("out"),
 ) -> None:
     """Fit every size of a garment on one body, and recommend one.
 
@@ -237,12 +280,8 @@ def sizes(
         )
         paths = run.save(out)
     for each in run.sizes:
-        levels = [f"{name} {100 * level.ease:+.1f} cm" for name, level in each.levels.items()]
-        strain = f"strain p99 {100 * each.strain_p99:.1f} %" if each.strain_p99 is not None else each.message
-        lost = [] if each.held else ["slides down"]
-        status = each.status.replace("_", " ")
-        typer.echo(f"{each.size:<4} {status:<16} {', '.join([*levels, strain, *lost])}")
-    typer.echo(f"take {run.recommended}: {run.reason}" if run.recommended else run.reason)
+        typer.echo(f"{each.size:<4} {each.status.replace('_', ' '):<16} {each.figures}")
+    typer.echo(run.advice)
     typer.echo(f"  wrote        {', '.join(str(path) for path in paths)}")
     if all(each.status == "invalid" for each in run.sizes):
         raise typer.Exit(1)

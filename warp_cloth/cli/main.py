@@ -9,6 +9,7 @@ import typer
 
 from warp_cloth.cli.explore import avatar, fabric, scenes
 from warp_cloth.cli.fit import batch, fit, sizes
+from warp_cloth.cli.init import init
 from warp_cloth.cli.results import compare, view
 from warp_cloth.cli.study import plan, tradeoff
 from warp_cloth.cli.terminal import BAD_INPUT, INTERRUPTED, keep_interrupts, print_error
@@ -22,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 for panel, commands in (
-    ("Fit", (fit, batch, sizes, compare, view)),
+    ("Fit", (fit, init, batch, sizes, compare, view)),
     ("Explore", (scenes, fabric, avatar)),
     ("Study", (plan, tradeoff)),
 ):

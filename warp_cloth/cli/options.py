@@ -9,6 +9,14 @@ import typer
 SceneName = Annotated[
     str, typer.Argument(help="Scene file (TOML), or the name of a shipped scene (see `warp-cloth scenes`).")
 ]
+On = Annotated[
+    str | None,
+    typer.Option(metavar="BODY", help="Body's mesh file, or mannequin: fits a garment's mesh without a scene file."),
+]
+FabricName = Annotated[
+    str | None,
+    typer.Option(metavar="FABRIC", help="With --on: a name (see `warp-cloth scenes`) or a .toml file."),
+]
 Device = Annotated[str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")]
 Changes = Annotated[
     list[str] | None,

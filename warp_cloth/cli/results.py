@@ -16,13 +16,13 @@ from warp_cloth.cli.terminal import one_line_errors, output_folder
 
 
 def compare(
-    first: Annotated[Path, typer.Argument(help="A fit made with --maps: its stage, or its folder.")],
+    first: Annotated[Path, typer.Argument(help="A fit: its stage, or its folder; made with --maps, for pictures.")],
     second: Annotated[Path, typer.Argument(help="The fit to compare with it.")],
     out: Annotated[Path, typer.Option(help="Output folder, for compare.usdc, compare.json and pictures.")] = Path(
         "out"
     ),
 ) -> None:
-    """Compare two fits (sizes, fabrics or bodies): the second minus the first.
+    """Compare two fits, A and B, of one garment in two sizes, fabrics or bodies: each figure of both, and the change.
 
     \b
     warp-cloth compare out_M out_L --out difference
@@ -33,13 +33,13 @@ def compare(
         fits = read_fit(first), read_fit(second)
         with output_folder(out, "compare"):
             start_warp(False)
-            from warp_cloth.export.comparison import girth_lines, save_comparison
+            from warp_cloth.export.comparison import comparison_lines, save_comparison
             from warp_cloth.maps.compare import compare_fits
 
             found = compare_fits(*fits)
             paths = save_comparison(found, fits, out)
     notes = [f"  note {note}" for note in found.notes]
-    for line in [*girth_lines(found), *notes, *(f"  wrote {path}" for path in paths)]:
+    for line in [*comparison_lines(found, fits), *notes, *(f"  wrote {path}" for path in paths)]:
         typer.echo(line)
 
 
@@ -51,11 +51,12 @@ def view(
     device: Device = None,
     host: Annotated[str, typer.Option(help="Address to serve on; 0.0.0.0 admits other machines.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port; if it is in use, the next free one.", min=1, max=65535)] = 8080,
+    opened: Annotated[bool, typer.Option("--open", help="Open the page in this machine's browser.")] = False,
 ) -> None:
     """Watch a garment drape in a web page, with sliders for size, fabric, body and offset.
 
     \b
-    warp-cloth view tshirt
+    warp-cloth view tshirt --open
     warp-cloth view scene.toml --set garment.fabric=denim --port 8090
     """
     with one_line_errors():
@@ -71,7 +72,7 @@ def view(
 
         pairs = dict(text.split("=", 1) for text in changes or ())
         live = LiveFit(scene, pairs, device, progress=_show_stage)
-        serve(live, host=host, port=port, show=typer.echo)
+        serve(live, host=host, port=port, show=typer.echo, opened=opened)
 
 
 def _check_host(host: str) -> None:

@@ -11,7 +11,7 @@ import typer
 
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device, SceneName
-from warp_cloth.cli.terminal import INTERRUPTED, one_line_errors, output_folder
+from warp_cloth.cli.terminal import INTERRUPTED, can_plot, one_line_errors, output_folder
 
 
 def plan(
@@ -76,10 +76,8 @@ def tradeoff(
         with output_folder(out, f"{chosen.name}_tradeoff"):
             start_warp(False)
             from warp_cloth.base.device import device_named
-            from warp_cloth.export.plots import figure_class
 
-            if plots:
-                figure_class()
+            plots = can_plot(plots)
             study = TradeStudy(
                 chosen,
                 device=device_named(device),

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import _thread
 import os
+import re
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import typer
 
-from warp_cloth.base.errors import InputError
+from warp_cloth.base.errors import OVERRIDE, InputError
 
 BAD_INPUT = 2  # exit status
+OPTIONS = ("device", "keep", "out", "ray", "shard", "sheet", "workers")  # have the names of arguments
 RESEND_DELAY = 0.01  # [s] after an interrupt that would be lost: by then the object is freed
 INTERRUPTED = 130  # exit status of a shell's Ctrl-C
 
@@ -32,19 +34,42 @@ def keep_interrupts() -> None:
     sys.unraisablehook = hook
 
 
+def can_plot(wanted: bool) -> bool:
+    """Whether plots are wanted and can be drawn; says how to have them where the package for them is missing."""
+    from warp_cloth.export.plots import figure_class
+
+    try:
+        return wanted and bool(figure_class())
+    except InputError as error:
+        print(f"no plots: {error}", file=sys.stderr)
+        return False
+
+
 def print_error(sentence: str) -> None:
     """One line: no markup, no wrapping, nothing that moves a terminal's cursor."""
     line = "".join(letter if letter.isprintable() else "?" for letter in " ".join(sentence.split()))
     print(f"error: {line}", file=sys.stderr)
 
 
+def in_flags(error: InputError, arguments: Sequence[str] = ()) -> str:
+    """The error in the command line's words: --set for an override, --NAME for these ``arguments`` of a function."""
+    place = f"--{error.place}" if error.place in (*OPTIONS, *arguments) else error.place
+    sentence = str(InputError(place, error.problem, error.remedy))
+    for name in arguments:
+        sentence = re.sub(rf'(?<![\w.-]){name}="([^"]*)"', rf"--{name} \1", sentence)
+    return re.sub(rf"\b{OVERRIDE}(?=\S)", "--set ", sentence)
+
+
 @contextmanager
-def one_line_errors() -> Iterator[None]:
-    """Ends the command with one plain line on bad input and on an interrupt, never with a traceback."""
+def one_line_errors(*arguments: str) -> Iterator[None]:
+    """Ends the command with one plain line on bad input and on an interrupt, never with a traceback.
+
+    ``arguments`` of the functions called are options of the same name.
+    """
     try:
         yield
     except InputError as error:
-        print_error(str(error))
+        print_error(in_flags(error, arguments))
         raise typer.Exit(BAD_INPUT) from None
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

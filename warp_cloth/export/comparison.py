@@ -2,35 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from warp_cloth.export.map_picture import MapPictures
 from warp_cloth.export.report import write_report
 from warp_cloth.export.stage import write_stage
 from warp_cloth.maps.compare import Comparison
-from warp_cloth.maps.kinds import kind_named
+from warp_cloth.maps.kinds import MAPS, SHOWN_PERCENTILE, kind_named
 from warp_cloth.maps.measure import percentiles
 from warp_cloth.maps.read import WrittenFit
+from warp_cloth.report.numbers import short_number
+from warp_cloth.report.shown import shown_verdict
 
 
 def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], folder: Path) -> list[Path]:
-    """Writes compare.usdc, a picture of each difference, and compare.json last."""
+    """Writes compare.usdc and a picture of each difference, of fits with maps, and compare.json last."""
     first, second = fits
     stage, report = folder / "compare.usdc", folder / "compare.json"
     report.unlink(missing_ok=True)  # an earlier run's
-    colour = next(iter(found.ranges))
-    write_stage(stage, garments=found.garments, avatar=first.avatar, name="compare", ranges=found.ranges, colour=colour)
-    paths = [stage]
-    drawer = MapPictures(found.garments, first.avatar)
-    for name, bounds in found.ranges.items():
-        kind = kind_named(name)
-        if kind is None:
-            continue
-        path = folder / f"{name}.png"
-        sentence = f"{second.name} minus {first.name}"
-        drawer.write(path, kind, bounds, sentence)
-        paths.append(path)
+    stage.unlink(missing_ok=True)
+    paths = _maps(found, fits, stage) if found.garments else []
     write_report(
         report,
         {
@@ -43,6 +38,7 @@ def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], fold
                 }
                 for name in found.ranges
             },
+            "figures": [asdict(figure) for figure in figures_of(found, fits)],
             "girths_mm": list(found.girths),
             "notes": list(found.notes),
         },
@@ -50,15 +46,85 @@ def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], fold
     return [*paths, report]
 
 
+def _maps(found: Comparison, fits: tuple[WrittenFit, WrittenFit], stage: Path) -> list[Path]:
+    """Writes the differences of maps: a stage, and a picture of each beside it."""
+    first, ranges = fits[0], found.ranges
+    colour = next(iter(ranges))
+    write_stage(stage, garments=found.garments, avatar=first.avatar, name="compare", ranges=ranges, colour=colour)
+    paths = [stage]
+    drawer = MapPictures(found.garments, first.avatar)
+    sentence = "B ({1}) minus A ({0})".format(*names_apart(fits))
+    for name, bounds in ranges.items():
+        kind = kind_named(name)
+        if kind is None:
+            continue
+        paths.append(stage.parent / f"{name}.png")
+        drawer.write(paths[-1], kind, bounds, sentence)
+    return paths
+
+
 def _summary(fit: WrittenFit) -> dict[str, Any]:
     return {"name": fit.name, "status": fit.report.get("status"), "maps": fit.report.get("maps")}
 
 
-def girth_lines(found: Comparison) -> list[str]:
-    """Ease of both fits, a line for each garment and level."""
-    lines = []
+@dataclass(frozen=True)
+class Figure:
+    """One figure of both fits."""
+
+    what: str
+    unit: str
+    first: float | None
+    second: float | None
+
+    @property
+    def change(self) -> float | None:
+        return None if self.first is None or self.second is None else self.second - self.first
+
+
+def figures_of(found: Comparison, fits: tuple[WrittenFit, WrittenFit]) -> list[Figure]:
+    """Ease at each level [cm], strain [%] and the 98th percentile of each map, of both fits."""
+    figures = []
     for row in found.girths:
         eases = [None if row[place] is None else row[place]["ease"] for place in ("first", "second")]
-        first, second = ("none" if ease is None else f"{ease:+.0f} mm" for ease in eases)
-        lines.append(f"{row['garment']} {row['level']}: ease {first} in the first, {second} in the second")
+        first, second = (None if ease is None else 0.1 * ease for ease in eases)
+        figures.append(Figure(f"{row['garment']}: ease at the {row['level']}", "cm", first, second))
+    strains = [(fit.report.get("strain") or {}).get("p99") for fit in fits]
+    if any(strain is not None for strain in strains):
+        first, second = (None if strain is None else 100.0 * strain for strain in strains)
+        figures.append(Figure("strain of edges, 99th percentile", "%", first, second))
+    for one, other in found.pairs:
+        for kind in (kind for name, kind in MAPS.items() if name in one.fields and name in other.fields):
+            factor, unit = (100.0, "%") if kind.unit == "1" else (1.0, kind.unit)
+            ends = [factor * float(np.percentile(each.fields[kind.name], SHOWN_PERCENTILE)) for each in (one, other)]
+            figures.append(Figure(f"{one.name}: {kind.label}, 98th percentile", unit, *ends))
+    return figures
+
+
+def comparison_lines(found: Comparison, fits: tuple[WrittenFit, WrittenFit]) -> list[str]:
+    """Both fits by name, then each figure of both with its change."""
+    labels = names_apart(fits)
+    lines = [f"{letter} = {label}{_verdict(fit)}" for letter, label, fit in zip("AB", labels, fits, strict=True)]
+    figures = figures_of(found, fits)
+    width = max((len(figure.what) for figure in figures), default=0)
+    for figure in figures:
+        first, second = (_shown(value, figure.unit) for value in (figure.first, figure.second))
+        change = "" if figure.change is None else f"  change {_shown(figure.change, figure.unit, signed=True)}"
+        lines.append(f"  {figure.what:<{width}}  A {first:>10}  B {second:>10}{change}")
     return lines
+
+
+def names_apart(fits: tuple[WrittenFit, WrittenFit]) -> tuple[str, str]:
+    """The fits' names, or their paths where the names are the same."""
+    first, second = fits
+    return (first.name, second.name) if first.name != second.name else (str(first.place), str(second.place))
+
+
+def _verdict(fit: WrittenFit) -> str:
+    return f": {shown_verdict(fit.report).words}" if "worn" in fit.report else ""
+
+
+def _shown(value: float | None, unit: str, *, signed: bool = False) -> str:
+    if value is None:
+        return "none"
+    digits = short_number(value)
+    return f"{'+' if signed and value > 0.0 else ''}{digits} {unit}"

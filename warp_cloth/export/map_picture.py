@@ -10,10 +10,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.export.picture_head import FAINT_INK, INK
 from warp_cloth.export.preview import (
     BACKGROUND,
-    FAINT_INK,
-    INK,
     arrange_windows,
     compose_picture,
     render_views,
@@ -52,7 +51,7 @@ class MapPictures:
         self._subject = replace(build_subject(garments, avatar, device), low=low - margin, high=high + margin)
         gap = text_height(size)  # so that a limb cut off by the picture's edge does not touch the legend
         self._views_size = (size[0] - self._legend_width - gap, size[1])
-        self._layout = arrange_windows(self._subject.extent, self._views_size, True)
+        self._layout = arrange_windows(self._subject.extent, self._views_size, 1)
         self._views = render_views(self._subject, self._layout)
 
     def write(self, path: Path, kind: MapKind, bounds: tuple[float, float], sentence: str = "") -> None:

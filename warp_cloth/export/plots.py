@@ -16,7 +16,5 @@ def figure_class() -> Any:
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        raise InputError(
-            "matplotlib", "is needed for plots", "pip install 'warp-cloth[plot]', or use --no-plots"
-        ) from None
+        raise InputError("matplotlib", "is needed for plots", "pip install 'warp-cloth[plot]'") from None
     return Figure

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.export.files import whole_file
+from warp_cloth.export.picture_head import FAINT_INK, INK, LEADING, Head, draw_head, shorten
 from warp_cloth.export.problem_marks import draw_rings, marked_subject, places_of
 from warp_cloth.export.render import RenderedView, Subject, build_subject, render_view, shade_view, view_axes
 from warp_cloth.export.surface import linear, require_sound, srgb
@@ -20,8 +20,6 @@ from warp_cloth.model.fit_problem import FitProblem
 from warp_cloth.model.result import WornGarment
 
 BACKGROUND = (0.94, 0.94, 0.945)  # sRGB
-INK = (70, 72, 76)  # sRGB bytes, of the title
-FAINT_INK = (120, 122, 126)  # of less important text
 MARGIN = 0.03  # of the picture's width, left and right of every view
 SMALLEST_EXTENT = 1e-3  # [m], so that even a picture of a point has a scale
 SIDES = {
@@ -58,24 +56,45 @@ def write_preview(
     avatar: Mesh | None,
     device: str = "cpu",
     size: tuple[int, int] = (1500, 900),
-    title: str = "",
-    sentence: str = "",
+    head: Head | None = None,
     problems: Sequence[FitProblem] = (),
 ) -> None:
-    """Writes a PNG, ``size`` wide and high [px], headed by title and sentence, with marks where problems are.
+    """Writes a PNG; arguments as in ``preview_image``.
+
+    Raises:
+        ValueError: a point is not finite.
+    """
+    image = preview_image(garments=garments, avatar=avatar, device=device, size=size, head=head, problems=problems)
+    save_picture(image, path)
+
+
+def preview_image(
+    *,
+    garments: Sequence[WornGarment],
+    avatar: Mesh | None,
+    device: str = "cpu",
+    size: tuple[int, int] = (1500, 900),
+    head: Head | None = None,
+    problems: Sequence[FitProblem] = (),
+) -> Image.Image:
+    """The picture, ``size`` wide and high [px], below its head, with marks where problems are.
 
     Raises:
         ValueError: a point is not finite.
     """
     require_sound(garments, avatar)
     subject = marked_subject(build_subject(garments, avatar, device), garments, problems)
-    layout = arrange_windows(subject.extent, size, bool(title or sentence))
-    image = compose_picture(subject, layout, render_views(subject, layout), size, title, sentence)
-    places, height = places_of(garments, problems), text_height(size)
+    margin, height = round(MARGIN * size[0]), text_height(size)
+    lines = 0 if head is None else 1 + len(head.lines(height, size[0] - 2 * margin))
+    layout = arrange_windows(subject.extent, size, lines)
+    image = compose_picture(subject, layout, render_views(subject, layout), size, "", "")
+    if head is not None:
+        draw_head(image, head, height, margin)
+    places = places_of(garments, problems)
     for window in layout.windows:
         area = window.left, layout.top, window.width, layout.height
         draw_rings(image, area, window.toward, subject.centre, layout.pixel, places, height)
-    save_picture(image, path)
+    return image
 
 
 def draw_views(
@@ -86,7 +105,7 @@ def draw_views(
     sides: Mapping[str, Sequence[float]] = SIDES,
 ) -> Image.Image:
     """Views from several sides next to one another, ``size`` wide and high [px], headed by title and sentence."""
-    layout = arrange_windows(subject.extent, size, bool(title or sentence), sides)
+    layout = arrange_windows(subject.extent, size, int(bool(title or sentence)), sides)
     return compose_picture(subject, layout, render_views(subject, layout), size, title, sentence)
 
 
@@ -116,12 +135,12 @@ def save_picture(image: Image.Image, path: Path) -> None:
 
 
 def arrange_windows(
-    extent: NDArray[np.float64], size: tuple[int, int], titled: bool, sides: Mapping[str, Sequence[float]] = SIDES
+    extent: NDArray[np.float64], size: tuple[int, int], lines: int, sides: Mapping[str, Sequence[float]] = SIDES
 ) -> Layout:
-    """Windows as wide as their views need, spare width divided evenly; one scale for all."""
+    """Windows as wide as their views need, spare width divided evenly; one scale for all; ``lines`` of text above."""
     width, height = size
     text = text_height(size)
-    top = 3 * text if titled else text
+    top = round((3.4 + LEADING * (lines - 1)) * text) if lines else text
     shown = np.maximum(extent, SMALLEST_EXTENT)
     frames = [view_axes(np.array(toward)) for toward in sides.values()]
     needs = [float(shown @ np.abs(right)) for right, _ in frames]
@@ -159,19 +178,3 @@ def draw_labels(image: Image.Image, layout: Layout, title: str, sentence: str) -
             line = shorten(text, font, image.width - left - margin)
             draw.text((left, 2 * height), line, fill=ink, font=font, anchor="ls")
             left += round(font.getlength(line)) + height
-
-
-def shorten(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: float) -> str:
-    """The text in one line no wider than ``width`` [px], with an ellipsis where it was cut."""
-    line = " ".join(_spelt(text).split())
-    if font.getlength(line) <= width:
-        return line
-    while line and font.getlength(line + "…") > width:
-        line = line[:-1]
-    return line.rstrip() + "…" if line else ""
-
-
-def _spelt(text: str) -> str:
-    """The text in the letters of Pillow's own font, which has no accents."""
-    letters = (letter for letter in unicodedata.normalize("NFKD", text) if not unicodedata.combining(letter))
-    return "".join(letters).encode("ascii", errors="replace").decode()

@@ -15,6 +15,7 @@ from warp_cloth.model.result import WornGarment
 
 MARK = (0.86, 0.12, 0.10)  # sRGB of what is concerned
 RING = (190, 20, 16)  # sRGB bytes
+HALO = (255, 255, 255)  # round the codes, which may stand on cloth that is painted
 MOST_MARKED = 4  # problems with a ring; more would hide the garment
 
 
@@ -84,6 +85,5 @@ def draw_rings(
             line += height
         taken.append(line)
         fits = x + 1.5 * height + font.getlength(code) < left + width
-        draw.text(
-            (x + (1.5 if fits else -1.5) * height, line), code, fill=RING, font=font, anchor="lm" if fits else "rm"
-        )
+        beside, anchor = x + (1.5 if fits else -1.5) * height, "lm" if fits else "rm"
+        draw.text((beside, line), code, RING, font, anchor, stroke_width=max(height // 8, 2), stroke_fill=HALO)

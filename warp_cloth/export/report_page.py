@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 from collections.abc import Mapping
 from importlib.metadata import version
 from importlib.resources import files
@@ -16,6 +17,7 @@ from warp_cloth.maps.colour import shown_value
 from warp_cloth.maps.kinds import MAPS
 from warp_cloth.report.notes import notes_of
 from warp_cloth.report.numbers import short_number, shown_choice
+from warp_cloth.report.shown import ease_lines, percent, shown_ease, shown_verdict
 from warp_cloth.solver.certificate.rest_error import GROWING
 
 
@@ -25,7 +27,7 @@ def write_report_page(path: Path, name: str, report: Mapping[str, Any], pictures
 
     text = (files("warp_cloth.export") / "report.html.j2").read_text(encoding="utf-8")
     environment = Environment(autoescape=True, trim_blocks=True, undefined=StrictUndefined)
-    environment.filters["millimetres"] = lambda value: f"{value:.0f} mm"
+    environment.filters["centimetres"] = lambda value: f"{value / 10:.1f} cm"
     values = plain({key: value for key, value in report.items() if key != "settings"})
     embedded = {key: _embedded(file) for key, file in pictures.items()}
     page = environment.from_string(text).render(
@@ -33,7 +35,11 @@ def write_report_page(path: Path, name: str, report: Mapping[str, Any], pictures
         report=values,
         preview=embedded.get("preview"),
         certificate=certificate_rows(report),
+        verdict=shown_verdict(report),
+        ease=shown_ease(report),
+        ease_lines=ease_lines(report),
         girths=report.get("girths_mm") or (),
+        strains=strain_rows(report),
         maps=[_map_card(key, values, embedded[key]) for key in report.get("maps") or {} if key in embedded],
         choices=[(each["key"], shown_choice(each["value"]), each["reason"]) for each in report.get("choices") or ()],
         notes=notes_of(report),
@@ -84,16 +90,23 @@ def certificate_rows(report: Mapping[str, Any]) -> list[dict[str, Any]]:
         {"name": name, "value": short_number(value), "limit": f"{limit:g}", "met": value <= limit, "meaning": meaning}
         for name, value, limit, meaning in limited
     ]
-    strain, depth = report["strain"], report.get("penetration_mm")
+    depth = report.get("penetration_mm")
     others = [
         ("residual, rms [vertex weights]", residual["rms"], "net force left on a vertex"),
-        ("strain, median", strain["p50"], "of edges, relative to their rest length"),
-        ("strain, 99th percentile", strain["p99"], ""),
-        ("strain, maximum", strain["max"], ""),
     ]
     if depth is not None:
         others.append(("penetration, maximum [mm]", depth["max"], "below the surface of the body mesh"))
     return rows + [
         {"name": name, "value": short_number(value), "limit": "", "met": True, "meaning": meaning}
         for name, value, meaning in others
+    ]
+
+
+def strain_rows(report: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Median, 99th percentile and maximum of strains, in per cent of the length at rest."""
+    strain = report["strain"]
+    yarns = [(f"along the {name}", strain[name]) for name in ("warp", "weft", "bias") if name in strain]
+    return [
+        (name, *(percent(values[key]) if math.isfinite(values[key]) else "unknown" for key in ("p50", "p99", "max")))
+        for name, values in (("edges", strain), *yarns)
     ]

@@ -16,7 +16,9 @@ from warp_cloth.export.report import check_writable, result_paths, write_map, wr
 from warp_cloth.export.report_page import write_report_page
 from warp_cloth.loading.usd import mesh_paths_of
 from warp_cloth.maps.kinds import MAPS
+from warp_cloth.maps.measure import add_girths
 from warp_cloth.model.result import FitResult
+from warp_cloth.report.shown import ease_lines, shown_verdict
 from warp_cloth.scene import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES
 
@@ -29,6 +31,7 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
     began = time.perf_counter()
     _, picture, page, report = result_paths(folder, scene.name)
     check_inputs_kept(scene, folder, formats)
+    add_girths(fit)
     report.unlink(missing_ok=True)  # of an earlier run: it would vouch for an incomplete result if this one is killed
     ranges = fit.maps.ranges if fit.maps is not None else {}
     paths = write_meshes(fit, folder, colour=colour, formats=formats)
@@ -37,8 +40,7 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
         garments=fit.garments,
         avatar=fit.avatar,
         device=fit.device,
-        title=scene.name,
-        sentence=fit.message,
+        head=head_of(fit),
         problems=[problem for problem in fit.problems if not problem.code.is_note],
     )
     paths += [picture, report]
@@ -59,6 +61,11 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
     fit.report["seconds"]["export"] = time.perf_counter() - began
     write_report(report, fit.report)
     return paths
+
+
+def head_of(fit: FitResult) -> preview.Head:
+    """What the picture of a fit says above it."""
+    return preview.Head(fit.scene.name, shown_verdict(fit.report), ease_lines(fit.report), fit.message)
 
 
 def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:

@@ -22,10 +22,11 @@ from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
 from warp_cloth.fitting.warm_start import Worn, chosen_garments, saved_result, start_from
-from warp_cloth.maps import chosen_colour, chosen_maps, map_summary, measure_maps
+from warp_cloth.maps import add_girths, chosen_colour, chosen_maps, map_summary, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.model.attempt import Patience
 from warp_cloth.model.result import FitResult, LevelRun
+from warp_cloth.report.shown import shown_verdict
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Check
 from warp_cloth.solver.loop import Outcome, relax_to_rest
@@ -37,12 +38,13 @@ MOST_FRAMES = 10_000  # intermediate shapes; for a garment of 10,000 vertices th
 class Progress:
     """Progress of a running fit; a number is None while it is not known."""
 
-    stage: str  # "load", "compile", "build", "carry" (through avatar.poses), "dress" (predrape), "relax"
+    stage: str  # "load", "compile", "build", "carry" (through avatar.poses), "dress" (predrape), "relax", "measure"
     iteration: int = 0
     iteration_limit: int = 0  # 0: the fit goes on while it makes progress
     residual: float | None = None  # relative, rms
     rest_error_mm: float | None = None
     iterations_per_second: float | None = None
+    tolerance_mm: float | None = None  # of the rest error, at which a garment is at rest
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,7 +52,28 @@ class Fit(FitResult):
     """A finished fit: status, worn garments, report."""
 
     def __repr__(self) -> str:
-        return f"<Fit of {self.scene.name!r}: {self.status.value}>"
+        problems = ", ".join(problem.code.value for problem in self.problems)
+        ended = f"{shown_verdict(self.report).words}, {self.status.value.replace('_', ' ')}"
+        return f"<Fit of {self.scene.name!r}: {ended}{f' ({problems})' if problems else ''}>"
+
+    def _repr_html_(self) -> str:
+        """What notebooks show: verdict, ease and picture."""
+        from warp_cloth.export.notebook import fit_html
+
+        return fit_html(self)
+
+    @property
+    def ease(self) -> dict[str, dict[str, float | None]]:
+        """By garment and level (chest, waist, hip): its girth as cut less the body's [m]; None: not closed round it.
+
+        Levels that a garment does not reach are left out; without a standing body there are none.
+        """
+        add_girths(self)
+        found: dict[str, dict[str, float | None]] = {}
+        for row in self.report["girths_mm"]:
+            ease = row["ease"]
+            found.setdefault(row["garment"], {})[row["level"]] = None if ease is None else 1e-3 * ease
+        return found
 
     def save(self, directory: str | Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
         """Writes the result files, and returns their paths.
@@ -86,8 +109,10 @@ class Fit(FitResult):
 def fit(
     scene: Scene | str | Path | Mapping[str, Any],
     *,
+    on: str | Path | None = None,
+    fabric: Any = None,
     device: str | None = None,
-    overrides: Sequence[str] = (),
+    overrides: Sequence[str] | Mapping[str, Any] = (),
     frames: int = 0,
     maps: str | Sequence[str] = (),
     start: Fit | str | Path | None = None,
@@ -99,11 +124,14 @@ def fit(
 
     Args:
         scene: the name of a shipped scene, a scene file (TOML), a USD stage, a dict with the keys of a scene file, or
-            the result of ``load_scene``.
+            the result of ``load_scene``; or, with ``on``, a garment's mesh file.
+        on: the body's mesh file, or "mannequin": ``fit("shirt.obj", on="body.obj", fabric="jersey")`` needs no scene.
+        fabric: of that garment: a shipped name, a .toml file, a table or a ``Fabric``.
         device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
-        overrides: changes to the scene, each ``"KEY=VALUE"``; not for a scene that is loaded already.
+        overrides: changes to the scene, each ``"KEY=VALUE"``, or a dict: ``{"garment.fabric": "denim"}``; not for a
+            scene that is loaded already.
         frames: number of intermediate shapes to keep.
-        maps: fit maps to compute, such as "strain,pressure,ease", or "all".
+        maps: fit maps to compute, such as "strain,pressure,gap", or "all".
         start: an earlier result, or its file (.usdc, .obj, .glb and the like). The garments start as they are worn
             there, if they have the same mesh or panels of the same names.
         progress: called with a ``Progress`` at every stage and check.
@@ -116,9 +144,13 @@ def fit(
     if progress is not None and not callable(progress):
         raise InputError("progress", f"must be a function, not {progress}", "pass a function, or None")
     report_progress = progress or (lambda _: None)
-    if isinstance(scene, Scene) and overrides:
-        raise InputError("overrides", "the scene is loaded already", "pass them to load_scene")
-    chosen = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
+    if isinstance(scene, Scene):
+        given = {"overrides": len(list(overrides)) > 0, "on": on is not None, "fabric": fabric is not None}
+        for late in (name for name, stated in given.items() if stated):
+            raise InputError(late, "the scene is loaded already", "pass it to load_scene")
+        chosen = scene
+    else:
+        chosen = load_scene(scene, overrides, on=on, fabric=fabric)
     map_names = check_maps(chosen_maps(maps), has_avatar=chosen.avatar is not None)
     device_name = device_named(device)
     if start is not None and chosen.avatar is not None and chosen.avatar.poses:
@@ -146,6 +178,7 @@ def fit(
     (first,) = finished_runs(problem, [outcome], [levels])
     course = tried_further(first, begin, relax, cache=cache, clock=clock)
     problem = course.best.problem
+    report_progress(Progress("measure"))
     (result,) = finish_fits(problem, [course], clock=clock, frames=frames)
     return Fit.of(_with_maps(result, map_names, problem) if map_names else result)
 
@@ -168,7 +201,7 @@ def _with_maps(result: FitResult, names: Sequence[str], problem: Problem) -> Fit
         replace(worn, fields={**worn.fields, **values})
         for worn, values in zip(result.garments, maps.fields, strict=True)
     )
-    report = {**result.report, "maps": map_summary(maps, garment_names), "girths_mm": list(maps.girths)}
+    report = {**result.report, "maps": map_summary(maps, garment_names)}
     if maps.notes:
         report["map_notes"] = list(maps.notes)
     return replace(result, garments=garments, report=report, maps=maps)
@@ -191,12 +224,13 @@ def _relax(problem: Problem, frames: int, progress: Callable[[Progress], None] |
     """Relaxes a lone scene, and reports progress at every check."""
     (goal,) = problem.goals()
     limit = goal.limit if goal.patience is Patience.NONE else 0
+    tolerance = problem.scenes[0].solver.tolerance_mm
 
     def report_check(check: Check, seconds: float) -> None:
         if progress is not None:
             rate = check.iteration / seconds if seconds > 0.0 else None
             residual = check.residual.relative_rms
-            progress(Progress("relax", check.iteration, limit, residual, check.rest_error * 1e3, rate))
+            progress(Progress("relax", check.iteration, limit, residual, check.rest_error * 1e3, rate, tolerance))
 
     if progress is not None:
         progress(Progress("relax", 0, limit))

@@ -14,22 +14,23 @@ from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import openings_of
 from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
 from warp_cloth.base.cache import Cache
+from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.grain import Grain
+from warp_cloth.garment.mistaken import refuse_bodies
 from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
-from warp_cloth.loading import check_sizes, load_mesh, load_poses, without_area
+from warp_cloth.loading import Placement, check_sizes, load_mesh, load_poses, without_area
 from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.scene.predrape import predrape_scene_of
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
-DEFAULT_SIZE = "M"
 FABRIC_KEYS = {"fabric", "pin", "name"}  # keys of a garment that its rest geometry does not depend on
 # keys of a garment or an avatar that its mesh depends on
-MESH_KEYS = {"mesh", "shape", "prim", "units", "up", "rest", "uv_units"}
+MESH_KEYS = {"mesh", "shape", "prim", "units", "up", "translate", "rotate", "scale", "rest", "uv_units"}
 
 T = TypeVar("T")
 Key = tuple[str, ...]
@@ -114,7 +115,9 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     cache = mesh_cache or MeshCache()
     meshes = [cache.make(recipe) for recipe in mesh_recipes(scene)]
     worn, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
-    check_sizes(list(zip(scene.garment_keys, worn, strict=True)), avatar)
+    keyed = list(zip(scene.garment_keys, worn, strict=True))
+    check_sizes(keyed, avatar)
+    refuse_bodies(keyed, avatar)
     garments, predrape_scene = _garments(scene, worn, cache), predrape_scene_of(scene)
     poses: tuple[Points, ...] = ()
     if avatar is not None and scene.avatar is not None and scene.avatar.poses:
@@ -197,7 +200,7 @@ def avatar_recipe(scene: Scene) -> list[Recipe]:
         return []
     stamp = _file_stamp(scene.avatar.mesh)
     key = "avatar", _directory(scene), generated_body(scene), _values(scene.avatar, MESH_KEYS), stamp
-    return [Recipe(key, partial(_avatar_mesh, scene.avatar, worn_size(scene)))]
+    return [Recipe(key, partial(_avatar_mesh, scene.avatar))]
 
 
 def garment_keys(scene: Scene, index: int) -> GarmentKeys:
@@ -249,7 +252,7 @@ def _directory(scene: Scene) -> str:
 def _body(scene: Scene) -> MannequinMeasures | None:
     """The mannequin that generated garments are placed round."""
     worn_by = scene.avatar.shape if scene.avatar is not None else None
-    return mannequin_measures(worn_by, size=worn_size(scene)) if isinstance(worn_by, MannequinShape) else None
+    return mannequin_measures(worn_by) if isinstance(worn_by, MannequinShape) else None
 
 
 def generated_body(scene: Scene) -> str:
@@ -283,15 +286,21 @@ def _values(spec: GarmentSpec | AvatarSpec, keys: set[str] | None) -> str:
 def _geometry(mesh: Mesh, spec: GarmentSpec, key: str) -> RestGeometry:
     place = key if spec.mesh is None else str(spec.mesh)
     grain = Grain(spec.grain_degrees, spec.grain_panels, spec.grain_texture)
-    return build_rest_geometry(
+    cut = spec.rest == "auto" and isinstance(spec.shape, TshirtShape)  # from panels, however it is placed
+    geometry = build_rest_geometry(
         mesh,
-        rest=spec.rest,
+        rest="uv" if cut else spec.rest,
         metres_per_uv=spec.uv_metres if spec.mesh is not None else spec.uv_metres or 1.0,  # shapes are in metres
+        scale=spec.scale,
         grain=grain,
         rest_angles=spec.rest_angles,
         place=place,
         key=key,
     )
+    if not cut:
+        return geometry
+    choices = (Choice(f"{key}.rest", "uv", "the shape is cut from flat panels"),)
+    return replace(geometry, source=replace(geometry.source, choices=choices))
 
 
 def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tuple[RestShape, Indices]:
@@ -303,22 +312,28 @@ def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tu
 
 
 def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None, drafts: Cache) -> Mesh:
-    if spec.mesh is not None:
-        load = partial(load_mesh, spec.mesh, role="garment", key=key, prim=spec.prim, units=spec.units, up=spec.up)
-        mesh = load(rest=spec.rest)
-        # triangles without area serve panels alone, and whether there are panels shows only now
-        kept = spec.rest == "auto" and bool(without_area(mesh.points, mesh.triangles).any())
-        return load(rest="mesh") if kept and choose_rest(mesh, "auto", spec.uv_metres, key).kind == "mesh" else mesh
-    return build_garment(spec.shape, body=body, cache=drafts)
+    placement = Placement(spec.translate, spec.rotate, spec.scale)
+    if spec.mesh is None:
+        mesh = build_garment(spec.shape, body=body, cache=drafts)
+        return replace(mesh, points=placement.moved(mesh.points * spec.scale))
+    load = partial(
+        load_mesh,
+        spec.mesh,
+        role="garment",
+        key=key,
+        prim=spec.prim,
+        units=spec.units,
+        up=spec.up,
+        placement=placement,
+    )
+    mesh = load(rest=spec.rest)
+    # triangles without area serve panels alone, and whether there are panels shows only now
+    kept = spec.rest == "auto" and bool(without_area(mesh.points, mesh.triangles).any())
+    as_modelled = kept and choose_rest(mesh, "auto", spec.uv_metres, key, spec.scale).kind == "mesh"
+    return load(rest="mesh") if as_modelled else mesh
 
 
-def _avatar_mesh(spec: AvatarSpec, size: str, drafts: Cache) -> Mesh:
+def _avatar_mesh(spec: AvatarSpec, drafts: Cache) -> Mesh:
     if spec.mesh is not None:
         return load_mesh(spec.mesh, role="avatar", key="avatar", prim=spec.prim, units=spec.units, up=spec.up)
-    return build_avatar(spec.shape, size=size, cache=drafts)
-
-
-def worn_size(scene: Scene) -> str:
-    """The size whose standard body gives the mannequin measures left out: that of the innermost garment with a size."""
-    sizes = [garment.shape.size for garment in scene.garments if isinstance(garment.shape, TshirtShape)]
-    return sizes[0] if sizes else DEFAULT_SIZE
+    return build_avatar(spec.shape, cache=drafts)

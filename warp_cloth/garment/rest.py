@@ -188,6 +188,7 @@ def build_rest_geometry(
     rest_angles: RestAngles = "flat",
     place: str = "garment",
     key: str = "garment",
+    scale: float = 1.0,
 ) -> RestGeometry:
     """Rest lengths of a garment, and its triangles laid flat.
 
@@ -199,11 +200,12 @@ def build_rest_geometry(
         rest_angles: whether folds are flat at rest, as in the mesh (pressed pleats), or as a stage states them.
         place: the mesh's file or name, for messages.
         key: its scene table, for messages.
+        scale: by which the scene scaled the mesh as loaded, and scales texture space likewise.
 
     Raises:
         InputError: the rest shape cannot be used.
     """
-    source = choose_rest(mesh, rest, metres_per_uv, key)
+    source = choose_rest(mesh, rest, metres_per_uv, key, scale)
     notes: tuple[str, ...] = ()
     sides = triangle_sides(mesh.points[mesh.triangles])
     drawn = sides
@@ -234,7 +236,7 @@ def _panel_notes(
     topology, length, scale = geometry.sheet.topology, geometry.length, source.metres_per_uv
     side_edge = topology.triangle_edges.ravel()
     initial = np.bincount(side_edge, drawn.ravel(), len(length)) / np.bincount(side_edge, minlength=len(length))
-    notes = check_scale(mesh, length, initial, mean_scale(scale), place, key)
+    notes = check_scale(mesh, length, initial, mean_scale(scale) / source.scale, place, key)
     if isinstance(scale, float):  # two scales are as the mesh shows them
         notes += check_axes(mesh, scale, key)
     return notes + check_seams(sides, topology)

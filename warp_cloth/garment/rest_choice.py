@@ -9,7 +9,7 @@ import numpy as np
 
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit
+from warp_cloth.base.units import LENGTH_UNITS, METRES_PER
 from warp_cloth.garment.panel_fit import PanelFit, fit_panels
 from warp_cloth.garment.panels import MetresPerUv
 from warp_cloth.loading.repair import RestKey, RestKind
@@ -31,29 +31,33 @@ class RestSource:
 
     kind: RestKind  # never "auto"
     metres_per_uv: MetresPerUv = 1.0
+    scale: float = 1.0  # of the garment as loaded, which ``metres_per_uv`` includes
     choices: tuple[Choice, ...] = ()  # empty where the scene states all
 
 
 AS_MODELLED = RestSource("mesh")
 
 
-def choose_rest(mesh: Mesh, rest: RestKey, stated: float | None, key: str) -> RestSource:
+def choose_rest(mesh: Mesh, rest: RestKey, stated: float | None, key: str, scale: float = 1.0) -> RestSource:
     """The source of a rest shape, as stated or as the mesh shows.
 
     Args:
-        mesh: the garment.
+        mesh: the garment, scaled.
         rest: as the scene states it.
-        stated: metres per unit of texture space; None: the mesh shows it.
+        stated: metres per unit of texture space, before it is scaled; None: the mesh shows it.
         key: the garment's scene table.
+        scale: by which the scene scaled the mesh; texture space that is in a unit is scaled likewise.
     """
+    stated = None if stated is None else stated * scale
     if rest in ("mesh", "physics"):
-        return RestSource(rest, stated or 1.0)
+        return RestSource(rest, stated or 1.0, scale)
     if rest == "uv":
         if stated is not None:
-            return RestSource(rest, stated)
+            return RestSource(rest, stated, scale)
         fit = fit_panels(mesh)
-        scale = _unit_of(mesh, fit) if fit is not None and _why_no_panels(fit, exact=False) == "" else 1.0
-        return RestSource(rest, scale, _unit_choices(scale, key))
+        panels = fit is not None and _why_no_panels(fit, exact=False) == ""
+        metres = _unit_of(mesh, fit, scale) if fit is not None and panels else scale
+        return RestSource(rest, metres, scale, _unit_choices(metres, key, scale))
     if mesh.rest_corners is not None:
         return _without_panels("physics", "the stage states a rest shape", key)
     fit = fit_panels(mesh)
@@ -64,16 +68,16 @@ def choose_rest(mesh: Mesh, rest: RestKey, stated: float | None, key: str) -> Re
             else "many triangles have no area in texture space"
         )
         return _without_panels("mesh", lack, key)
-    scale = _unit_of(mesh, fit)
-    fault = _why_no_panels(fit, exact=stated is None and _unit_name(scale) is None)
+    metres = _unit_of(mesh, fit, scale)
+    fault = _why_no_panels(fit, exact=stated is None and metres not in _units(scale))
     if fault:
         return _without_panels("mesh", f"texture coordinates are no panels: {fault}", key)
-    if fit.equal and (stated is None or stated == scale):
+    if fit.equal and (stated is None or stated == metres):
         return _without_panels("mesh", "the panels in texture space have the mesh's lengths", key)
     reason = f"texture coordinates are panels: {100 * fit.near:.0f} % of their area has the mesh's lengths"
-    scale = scale if stated is None else stated
-    choices = () if stated is not None else _unit_choices(scale, key)
-    return RestSource("uv", scale, (Choice(f"{key}.rest", "uv", reason), *choices))
+    choices = () if stated is not None else _unit_choices(metres, key, scale)
+    chosen = metres if stated is None else stated
+    return RestSource("uv", chosen, scale, (Choice(f"{key}.rest", "uv", reason), *choices))
 
 
 def _without_panels(kind: RestKind, reason: str, key: str) -> RestSource:
@@ -90,13 +94,19 @@ def _why_no_panels(fit: PanelFit, *, exact: bool) -> str:
     return ""
 
 
-def _unit_of(mesh: Mesh, fit: PanelFit) -> MetresPerUv:
-    """Metres per unit of texture space: a common unit's where it is near one, else as the mesh shows."""
-    off = EXACTLY if _fills_unit_square(mesh) else A_UNIT
-    for metres in METRES_PER.values():
-        if all(1.0 / off <= scale / metres <= off for scale in fit.scale):
-            return metres
+def _units(scale: float) -> tuple[float, ...]:
+    """Metres per unit of texture space in each common unit, of a garment scaled by this, or scaled to its panels."""
+    return tuple(dict.fromkeys((*(metres * scale for metres in METRES_PER.values()), *METRES_PER.values())))
+
+
+def _unit_of(mesh: Mesh, fit: PanelFit, scale: float) -> MetresPerUv:
+    """Metres per unit of texture space: the nearest common unit's where it is near one, else as the mesh shows."""
     u, v = fit.scale
+    off = math.log(EXACTLY if _fills_unit_square(mesh) else A_UNIT)
+    apart = {metres: max(abs(math.log(u / metres)), abs(math.log(v / metres))) for metres in _units(scale)}
+    nearest = min(apart, key=apart.__getitem__)
+    if apart[nearest] <= off:
+        return nearest
     return u if u == v else (u, v)
 
 
@@ -107,20 +117,17 @@ def _fills_unit_square(mesh: Mesh) -> bool:
     return bool((low >= 1.0 - UNIT_SQUARE).all() and FILLED <= high.max() <= UNIT_SQUARE)
 
 
-def _unit_name(scale: MetresPerUv) -> LengthUnit | None:
-    return next((unit for unit in LENGTH_UNITS if METRES_PER[unit] == scale), None)
-
-
-def _unit_choices(scale: MetresPerUv, key: str) -> tuple[Choice, ...]:
-    """What is said of the unit, unless it is the metre."""
-    if scale == 1.0:
+def _unit_choices(metres: MetresPerUv, key: str, scale: float) -> tuple[Choice, ...]:
+    """What is said of the unit, as a scene would state it, unless it is the metre."""
+    if metres == scale:
         return ()
-    unit = _unit_name(scale)
+    unit = next((unit for unit in LENGTH_UNITS if METRES_PER[unit] * scale == metres), None)
+    stated: MetresPerUv = metres / scale if isinstance(metres, float) else (metres[0] / scale, metres[1] / scale)
     reason = "the unit in which panels have the mesh's lengths"
     if unit is None:
-        per_axis = "" if isinstance(scale, float) else ", each axis by itself"
+        per_axis = "" if isinstance(metres, float) else ", each axis by itself"
         reason = f"texture coordinates are in no common unit{per_axis}: metres per unit as the mesh shows"
-    return (Choice(f"{key}.uv_units", unit or _rounded(scale), reason),)
+    return (Choice(f"{key}.uv_units", unit or _rounded(stated), reason),)
 
 
 def _rounded(scale: MetresPerUv) -> MetresPerUv:

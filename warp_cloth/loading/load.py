@@ -16,6 +16,7 @@ from warp_cloth.base.units import LengthUnit, UpAxis
 from warp_cloth.loading.decimals import half_step, shortest_decimals
 from warp_cloth.loading.generic import read_gltf, read_stl
 from warp_cloth.loading.obj import read_obj
+from warp_cloth.loading.placement import AS_LOADED, Placement
 from warp_cloth.loading.ply import read_ply
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, check
 from warp_cloth.loading.repair import Repaired, RestKey, repaired
@@ -49,6 +50,7 @@ def load_mesh(
     units: LengthUnit | None = None,
     up: UpAxis | None = None,
     rest: RestKey = "mesh",
+    placement: Placement = AS_LOADED,
 ) -> Mesh:
     """Mesh of a file in metres, y up, repaired where that is safe; its ``notes`` list guesses and repairs.
 
@@ -60,6 +62,7 @@ def load_mesh(
         units: length unit; None: as the file declares, or guessed.
         up: up axis of a format that does not state it; None: y.
         rest: with "uv" or "auto", triangles without area are kept if they have one in texture space.
+        placement: where the scene puts it; sizes are judged, and units guessed, of the mesh so placed.
 
     Raises:
         InputError: the file cannot be read or repaired.
@@ -69,9 +72,11 @@ def load_mesh(
         check(raw)
         used = raw.points[used_ids(raw.corners, len(raw.points))] if len(raw.corners) else raw.points
         declared = raw.metres_per_unit
-        unit = choose_unit(used, file=raw.file, role=role, key=key, stated=units, declared=declared)
-        refuse_far(used, unit.metres, raw.file)
-        sound = repaired(raw, in_metres(raw, unit.metres), role=role, rest=rest)
+        scale = placement.scale
+        unit = choose_unit(used, file=raw.file, role=role, key=key, stated=units, declared=declared, scale=scale)
+        metres = unit.metres * scale
+        refuse_far(placement.moved(used * metres), raw.file)
+        sound = repaired(raw, placement.moved(in_metres(raw, metres)), role=role, rest=rest)
     except (MemoryError, OverflowError) as error:
         problem = f"is too large to load ({type(error).__name__})"
         raise InputError(path, problem, "check the file, or reduce the mesh") from error
@@ -95,7 +100,7 @@ def load_mesh(
         unit=unit.name,
         vertex_map=None if same_vertices else sound.vertex_map,
         triangle_source=None if same_faces else sound.faces,
-        rest_corners=None if sound.rest is None else _rest_in_metres(sound.rest, unit.metres),
+        rest_corners=None if sound.rest is None else _rest_in_metres(sound.rest, metres),
         folds=None if raw.folds is None else _folds_of(raw.folds, sound, len(raw.counts)),
     )
 

@@ -45,23 +45,32 @@ class UnitChoice:
 
 
 def choose_unit(
-    points: Floats, *, file: str, role: Role, key: str, stated: LengthUnit | None, declared: float | None
+    points: Floats,
+    *,
+    file: str,
+    role: Role,
+    key: str,
+    stated: LengthUnit | None,
+    declared: float | None,
+    scale: float = 1.0,
 ) -> UnitChoice:
-    """Unit of the vertices in use, ``points`` [file unit], shape [V, 3].
+    """Unit of the vertices in use, ``points`` [file unit], shape [V, 3], whose lengths are then times ``scale``.
 
     Raises:
         InputError: no unit gives the mesh a possible size.
     """
     with np.errstate(over="ignore"):
-        extent = float(np.ptp(points, axis=0).max())
+        extent = float(np.ptp(points, axis=0).max()) * scale
     if extent == 0.0:
         raise InputError(file, "all vertices are at one point", "export the mesh again")
+    scaled = f" times {key}.scale" if scale != 1.0 else ""
     if stated is not None or declared is not None:
         metres = METRES_PER[stated] if stated is not None else float(declared or 0.0)
         name = stated if stated is not None else _unit_name(metres)
         if not _fits(extent * metres, POSSIBLE[role]):
             _refuse_strays(points, file)
-        _refuse_impossible(extent, metres, name, file=file, role=role, key=key, said=stated is not None)
+        source = f'{key}.units = "{stated}"' if stated is not None else f"its declared unit ({name})"
+        _refuse_impossible(extent, metres, name, file=file, role=role, key=key, source=source + scaled)
         overruled = stated is not None and declared is not None and not np.isclose(metres, declared)
         note = f'units = "{name}" overrides the file, which declares {_unit_name(declared or 0.0)}'
         return UnitChoice(name, metres, (note,) if overruled else ())
@@ -72,11 +81,11 @@ def choose_unit(
         _refuse_strays(points, file)
         low, high = PLAUSIBLE[role]
         wanted = f"{_a(role)} of {low:g} to {high:g} m"
-        problem = f"units not stated, and with an extent of {extent:.4g} no unit gives {wanted}"
+        problem = f"units not stated, and with an extent{scaled} of {extent:.4g} no unit gives {wanted}"
         remedy = _possible_units(extent, role, key) or _rescaling(extent, role, key)
         raise InputError(file, problem, remedy)
     unit = fitting[0]
-    note = f"{GUESS_NOTE}: {_PLURALS[unit]} assumed, as the largest extent is {extent:.4g}"
+    note = f"{GUESS_NOTE}: {_PLURALS[unit]} assumed, as the largest extent{scaled} is {extent:.4g}"
     if _fits(extent, MAYBE_INCHES[role]):
         note += f' (if it is in inches, set {key}.units = "in")'
     return UnitChoice(unit, METRES_PER[unit], (note,))
@@ -135,10 +144,11 @@ def _refuse_strays(points: Floats, file: str) -> None:
         raise InputError(file, problem, "remove them in the modelling tool")
 
 
-def _refuse_impossible(extent: float, metres: float, name: str, *, file: str, role: Role, key: str, said: bool) -> None:
+def _refuse_impossible(
+    extent: float, metres: float, name: str, *, file: str, role: Role, key: str, source: str
+) -> None:
     if _fits(extent * metres, POSSIBLE[role]):
         return
-    source = f'{key}.units = "{name}"' if said else f"its declared unit ({name})"
     problem = f"is {_length(extent * metres)} across with {source}: not a possible {role}"
     likely = _likely_unit(extent, role, other_than=name)
     if likely is None:
@@ -146,9 +156,9 @@ def _refuse_impossible(extent: float, metres: float, name: str, *, file: str, ro
     raise InputError(file, problem, f'its numbers look like {_PLURALS[likely]}: set {key}.units = "{likely}"')
 
 
-def refuse_far(points: Floats, metres: float, file: str) -> None:
-    """Refuses a mesh so far from the origin that float32 results would lose more than 0.1 mm."""
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0)) * metres
+def refuse_far(points: Floats, file: str) -> None:
+    """Refuses a mesh so far from the origin that float32 results would lose more than 0.1 mm; ``points`` [m]."""
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     away = float(np.abs(middle).max())
     if away > FARTHEST:
         x, y, z = middle
@@ -241,5 +251,5 @@ def _remedy(key: str, garment: Mesh, avatar: Mesh) -> str:
         if (
             was_guessed(mesh) and _fit_of(garment, avatar, 1.0, 1.0, stand=role)[1] == 0.0
         ):  # only formats without an up axis are guessed
-            return f'if its file is z up, set {name}.up = "z"; or place the garment round the avatar'
-    return f"set {key}.units and avatar.units, and place the garment round the avatar"
+            return f'if its file is z up, set {name}.up = "z"; or place the garment round the avatar: {key}.translate'
+    return f"set {key}.units and avatar.units, and place the garment round the avatar: {key}.translate"

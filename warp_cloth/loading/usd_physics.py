@@ -246,5 +246,5 @@ def common_ancestor(paths: list[str], apart_from: list[str], place: Path) -> str
         common = common.GetCommonPrefix(Sdf.Path(path))
     if common == Sdf.Path.absoluteRootPath or any(Sdf.Path(path).HasPrefix(common) for path in apart_from):
         problem = f"has {len(paths)} meshes that may be the avatar: {', '.join(paths[:6])}"
-        raise InputError(place, problem, "name it: --set avatar.prim=PATH")
+        raise InputError(place, problem, "override avatar.prim=PATH")
     return str(common)

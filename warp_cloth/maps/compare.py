@@ -11,11 +11,15 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.kernels.avatar.closest import find_closest
 from warp_cloth.maps.kinds import MAPS, difference_of, shown_range
 from warp_cloth.maps.read import WrittenFit
 from warp_cloth.model.result import WornGarment, matched
+
+# Garments without mesh or panels in common are one garment if at most MOST_APART of either is farther from the other
+# than APART of the larger extent: another size, or the same on another body, lies nearer, a skirt and a shirt do not.
+APART, MOST_APART = 0.1, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +29,7 @@ class Comparison:
     garments: tuple[WornGarment, ...]  # fields: NAME_difference
     ranges: dict[str, tuple[float, float]]
     girths: tuple[dict[str, Any], ...]  # of both fits at each level [mm]
+    pairs: tuple[tuple[WornGarment, WornGarment], ...]  # of the first fit and of the second
     notes: tuple[str, ...] = ()  # a sentence about each pair of garments that do not correspond
 
 
@@ -33,7 +38,14 @@ def compare_fits(first: WrittenFit, second: WrittenFit, *, device: str = "cpu") 
 
     Garments of one mesh are compared vertex by vertex. Otherwise a vertex of the first is compared with the nearest
     point of the second as worn; ``notes`` say so where they are not sizes of one pattern either.
+
+    Raises:
+        InputError: there are no maps in common, or garments that have neither mesh nor panels in common lie apart.
     """
+    if not (first.garments and second.garments):
+        lacking = " and ".join(fit.name for fit in (first, second) if not fit.garments)
+        note = f"no maps in {lacking}: only figures are compared; fit with --maps all for pictures of the difference"
+        return Comparison((), {}, _girths(first.report, second.report, {}), (), (note,))
     if len(first.garments) != len(second.garments):
         problem = f"have {len(first.garments)} and {len(second.garments)} garments"
         raise InputError(f"{first.name}, {second.name}", problem, "compare fits with the same number of garments")
@@ -42,6 +54,7 @@ def compare_fits(first: WrittenFit, second: WrittenFit, *, device: str = "cpu") 
     garments, notes = [], []
     for one, other in zip(first.garments, others, strict=True):
         if not _same_pattern(one.mesh, other.mesh):
+            _refuse_unrelated(first.name, one, second.name, other, device)
             both = f'"{one.name}" of {first.name} and "{other.name}" of {second.name}'
             notes.append(f"{both} have neither mesh nor panels in common: the nearest points are compared")
         shared = [name for name in one.fields if name in other.fields]
@@ -58,7 +71,8 @@ def compare_fits(first: WrittenFit, second: WrittenFit, *, device: str = "cpu") 
         if kind.name in names
     }
     names_in_first = {other.name: one.name for one, other in zip(first.garments, others, strict=True)}
-    return Comparison(tuple(garments), ranges, _girths(first.report, second.report, names_in_first), tuple(notes))
+    girths = _girths(first.report, second.report, names_in_first)
+    return Comparison(tuple(garments), ranges, girths, tuple(zip(first.garments, others, strict=True)), tuple(notes))
 
 
 def _same_mesh(one: Mesh, other: Mesh) -> bool:
@@ -71,23 +85,45 @@ def _same_pattern(one: Mesh, other: Mesh) -> bool:
     return _same_mesh(one, other) or (len(panels) > 0 and panels == set(other.panel_names))
 
 
+def _refuse_unrelated(first: str, one: WornGarment, second: str, other: WornGarment, device: str) -> None:
+    """Refuses garments of which a part lies far from the other, so that no point there has a counterpart."""
+    extent = max(float(np.ptp(each.points, axis=0).max()) for each in (one, other))
+    for near, far in ((one, other), (other, one)):
+        distance = _nearest(near.points, far, device)[0]
+        apart = float(np.mean(distance > APART * extent))
+        if apart > MOST_APART:
+            problem = (
+                f'"{one.name}" and "{other.name}" are not one garment: they share neither mesh nor panels, and '
+                f'{100 * apart:.0f} % of "{near.name}" is more than {100 * APART * extent:.0f} cm from the other'
+            )
+            raise InputError(f"{first}, {second}", problem, "compare a garment in two sizes, fabrics or bodies")
+
+
+def _nearest(
+    points: Points, other: WornGarment, device: str
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]:
+    """Distance [m] to a worn garment, its nearest face and the place there; shapes [V], [V] and [V, 3]."""
+    mesh = wp.Mesh(
+        points=wp.array(other.points.astype(np.float32), dtype=wp.vec3f, device=device),
+        indices=wp.array(other.mesh.triangles.ravel(), dtype=wp.int32, device=device),
+    )
+    places = wp.array(points.astype(np.float32), dtype=wp.vec3f, device=device)
+    face = wp.empty(len(places), dtype=wp.int32, device=device)
+    weight = wp.zeros(len(places), dtype=wp.vec3f, device=device)
+    found = wp.empty_like(places)
+    wp.launch(find_closest, dim=len(places), inputs=[mesh.id, places], outputs=[found, face, weight], device=device)
+    distance = np.linalg.norm(found.numpy() - places.numpy(), axis=1)
+    return distance, face.numpy(), weight.numpy()
+
+
 def _values_at(
     one: WornGarment, other: WornGarment, names: Sequence[str], device: str
 ) -> dict[str, NDArray[np.float32]]:
     """The other garment's values at the vertices of this one, shape [V] each."""
     if _same_mesh(one.mesh, other.mesh):
         return {name: other.fields[name] for name in names}
-    mesh = wp.Mesh(
-        points=wp.array(other.points.astype(np.float32), dtype=wp.vec3f, device=device),
-        indices=wp.array(other.mesh.triangles.ravel(), dtype=wp.int32, device=device),
-    )
-    points = wp.array(one.points.astype(np.float32), dtype=wp.vec3f, device=device)
-    face = wp.empty(len(points), dtype=wp.int32, device=device)
-    weight = wp.zeros(len(points), dtype=wp.vec3f, device=device)
-    outputs = [wp.empty_like(points), face, weight]
-    wp.launch(find_closest, dim=len(points), inputs=[mesh.id, points], outputs=outputs, device=device)
-    corners = other.mesh.triangles[face.numpy()]
-    weights = weight.numpy()
+    _, face, weights = _nearest(one.points, other, device)
+    corners = other.mesh.triangles[face]
     return {name: (other.fields[name][corners] * weights).sum(axis=1).astype(np.float32) for name in names}
 
 

@@ -46,12 +46,13 @@ _KINDS = (
         least_range=0.01,
     ),
     MapKind(
-        "ease", "mm", "distance to the skin", False, "exact distance to the avatar's surface, negative inside",
+        "gap", "mm", "distance to the skin", False, "exact distance to the avatar's surface, negative inside",
         needs_avatar=True, least_range=5.0,
     ),
 )  # fmt: skip
 
 MAPS: Mapping[str, MapKind] = MappingProxyType({kind.name: kind for kind in _KINDS})
+EASE_HINT = 'ease is the difference of girths, which every report has; the distance to the skin is "gap": '
 GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "strain": ("strain", "strain_warp", "strain_weft", "strain_bias", "shear"),
@@ -61,13 +62,13 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 def chosen_maps(text: str | Sequence[str], *, place: str = "maps") -> tuple[str, ...]:
-    """Names of maps from "strain,pressure,ease"; "strain" stands for all strains and the shear angle, "all" for all."""
+    """Names of maps from "strain,pressure,gap"; "strain" stands for all strains and the shear angle, "all" for all."""
     requested = [name.strip() for part in strings(text, place) for name in part.split(",")]
     names: dict[str, None] = {}
     for name in filter(None, requested):
         if name not in MAPS and name not in GROUPS:
-            close = difflib.get_close_matches(name, [*MAPS, *GROUPS], n=1)
-            hint = f'did you mean "{close[0]}"? ' if close else ""
+            close = [] if name == "ease" else difflib.get_close_matches(name, [*MAPS, *GROUPS], n=1)
+            hint = f'did you mean "{close[0]}"? ' if close else EASE_HINT if name == "ease" else ""
             raise InputError(place, f'there is no map "{name}"', f"{hint}choose from {', '.join([*MAPS, 'all'])}")
         names.update(dict.fromkeys(GROUPS.get(name, (name,))))
     return tuple(names)

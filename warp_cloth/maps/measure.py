@@ -1,4 +1,4 @@
-"""Measures the maps of a finished fit: strain, pressure, ease and girths."""
+"""Measures the maps of a finished fit: strain, pressure, gap; and girths of any fit."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.levels import body_levels
 from warp_cloth.avatar.exact import signed_distances
+from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.garment.garment import Garment
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import MAPS, shown_range
 from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
-from warp_cloth.model.result import FitMaps
+from warp_cloth.model.result import FitMaps, FitResult, WornGarment
 
 PASCALS = 1e3  # in a kPa
 MILLIMETRES = 1e3  # in a metre
@@ -60,7 +61,6 @@ def measure_maps(
     avatar: Mesh | None,
     garment_names: Sequence[str],
     device: str,
-    girths: bool = True,
 ) -> FitMaps:
     """Measures maps (see ``kinds.MAPS``) of garments as worn.
 
@@ -69,10 +69,9 @@ def measure_maps(
         garments: with their rest shapes.
         worn: points of each garment [m], shape [V, 3].
         normal_forces: of each garment's vertices on the avatar [N], shape [V]; None: no contact.
-        avatar: the body, for ease and girths.
-        garment_names: for the girths.
+        avatar: the body, for gaps.
+        garment_names: for notes.
         device: on which distances are measured.
-        girths: whether to measure girths.
     """
     fields: list[dict[str, NDArray[np.float32]]] = []
     notes: list[str] = []
@@ -85,14 +84,33 @@ def measure_maps(
         fields.append({name: values[name].astype(np.float32) for name in names if name in values})
     measured = [name for name in names if any(name in of_garment for of_garment in fields)]
     ranges = {name: shown_range(MAPS[name], [field[name] for field in fields if name in field]) for name in measured}
-    levels = body_levels(avatar) if avatar is not None and girths else None
-    girth_rows: list[dict[str, Any]] = []
-    if "ease" in names and avatar is not None and girths and levels is None:
-        notes.append("no girths: the avatar is not a standing body with head, feet, and arms apart from its trunk")
-    if avatar is not None and levels is not None:
-        for name, garment, points in zip(garment_names, garments, worn, strict=True):
-            girth_rows += garment_girths(name, points, garment.rest.sheet, avatar, levels)
-    return FitMaps(tuple(fields), ranges, tuple(girth_rows), tuple(notes))
+    return FitMaps(tuple(fields), ranges, tuple(notes))
+
+
+def measured_girths(garments: Sequence[WornGarment], avatar: Mesh | None) -> tuple[list[dict[str, Any]], str]:
+    """Girths of body and worn garments at chest, waist and hip [mm], and why there are none, if so."""
+    if avatar is None:
+        return [], "there is no body"
+    if not all(np.isfinite(worn.points).all() for worn in garments):
+        return [], "the garment's shape is not finite"
+    surface = closing_of(avatar).surface(avatar)
+    levels = body_levels(surface)
+    if levels is None:
+        return [], "the body does not stand with its head, its feet, and arms apart from its trunk"
+    rows = []
+    for worn in garments:
+        sheet = worn.rest.sheet if worn.rest is not None else None
+        rows += garment_girths(worn.name, worn.points, sheet, surface, levels)
+    return rows, "" if rows else "no garment goes round the trunk at chest, waist or hip"
+
+
+def add_girths(fit: FitResult) -> None:
+    """Measures the girths of a fit, once, into its report: they take a tenth of a second that not every caller has."""
+    if "girths_mm" not in fit.report:
+        rows, lack = measured_girths(fit.garments, fit.avatar)
+        fit.report["girths_mm"] = rows
+        if lack and fit.avatar is not None:
+            fit.report["no_girths"] = lack
 
 
 def _values(
@@ -107,6 +125,6 @@ def _values(
     if "pressure" in names and avatar is not None:
         area = np.maximum(vertex_areas(points, garment.triangles), np.finfo(float).tiny)
         values["pressure"] = np.zeros(len(points)) if forces is None else forces / area / PASCALS
-    if "ease" in names and avatar is not None:
-        values["ease"] = MILLIMETRES * signed_distances(points, avatar, device).astype(np.float64)
+    if "gap" in names and avatar is not None:
+        values["gap"] = MILLIMETRES * signed_distances(points, avatar, device).astype(np.float64)
     return values

@@ -26,13 +26,18 @@ class WrittenFit:
     """A fit as read from its files."""
 
     name: str
-    garments: tuple[WornGarment, ...]
+    garments: tuple[WornGarment, ...]  # none where they have no maps
     avatar: Mesh | None
     report: dict[str, Any]  # empty where there is no report.json
+    place: Path = Path()  # the folder or file that was given
 
 
 def read_fit(place: Path) -> WrittenFit:
-    """The fit in a stage, or in the folder of one; meshes with maps are garments, the others the avatar."""
+    """The fit in a stage, or in the folder of one; meshes with maps are garments, the others the avatar.
+
+    Raises:
+        InputError: there is no such fit, or neither maps nor a report with girths.
+    """
     place = Path(place).absolute()
     path = _stage_file(place)
     from pxr import Tf, Usd, UsdGeom
@@ -57,9 +62,10 @@ def read_fit(place: Path) -> WrittenFit:
         parts = None if panels is None else panels.astype(np.int32)
         surface = Mesh(name, points, triangles, panels=parts, panel_names=panel_names)
         garments.append(WornGarment(name, surface, surface.points, thickness=0.0, fields=fields))
-    if not garments:
+    report = _report(path.parent / "report.json")
+    if not garments and not report.get("girths_mm"):
         raise InputError(path, "has no fit maps", REMEDY)
-    return WrittenFit(place.name, tuple(garments), _avatar(path, bodies), _report(path.parent / "report.json"))
+    return WrittenFit(place.name, tuple(garments), _avatar(path, bodies) if garments else None, report, place)
 
 
 def _avatar(path: Path, prims: list[str]) -> Mesh | None:

@@ -108,11 +108,10 @@ class WornGarment:
 
 @dataclass(frozen=True, eq=False)
 class FitMaps:
-    """Maps of every garment, the range that each map's colours span, and girths."""
+    """Maps of every garment, and the range that each map's colours span."""
 
     fields: tuple[dict[str, NDArray[np.float32]], ...]  # of each garment: a map's values per vertex, shape [V]
     ranges: dict[str, tuple[float, float]]  # of a map's colours, over all garments
-    girths: tuple[dict[str, Any], ...]  # of garments at chest, waist and hip [mm]
     notes: tuple[str, ...] = ()
 
 

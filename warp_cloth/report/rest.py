@@ -55,7 +55,7 @@ def _not_at_rest(of: JudgedScene) -> FitProblem:
         share = len(vertices) / len(own)
         figures |= {"moved_mm": 1e3 * float(own.max()), "moving_fraction": share, "upper_fraction": upper}
         sentence += (
-            f'; {_part(upper)} of "{name}" still moves, {100 * share:.2g} % of its vertices by up to '
+            f'; {_part(upper)} of "{name}" still moves, {100 * share:.0f} % of its vertices by up to '
             f"{short_number(1e3 * float(own.max()), 2)} mm from check to check"
         )
     return FitProblem(ProblemCode.NOT_AT_REST, f"{sentence}.", _remedy(of), name, figures, vertices=listed(vertices))

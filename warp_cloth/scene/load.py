@@ -1,65 +1,78 @@
-"""Loading scenes: finds and reads scene files, applies --set, and validates them by the schema."""
+"""Loading scenes: finds and reads scene files, applies overrides, and validates them by the schema."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
+from dataclasses import dataclass, field
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import ValidationError
 
 from warp_cloth.base import arguments
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import exists, read_toml
 from warp_cloth.scene.messages import scene_error, show
-from warp_cloth.scene.overrides import apply_override, set_place, still_stated
+from warp_cloth.scene.overrides import apply_override, overrides_of, plain, still_stated
 from warp_cloth.scene.schema import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, stage_values
+from warp_cloth.scene.worn_on import MESH_SUFFIXES, is_mesh, missing_file, worn_on
 
-MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
+
+@dataclass(frozen=True)
+class _Source:
+    """A scene's values as read, before overrides."""
+
+    place: str  # how messages name it
+    name: str
+    directory: Path  # where its relative paths start
+    values: dict[str, Any]
+    stage: Path | None = None  # a USD stage, whose prims must be known
+    stated: Mapping[str, str] = field(default_factory=dict)  # dotted key -> the argument that stated it
 
 
-def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scene:
-    """Loads a scene from a TOML file, a USD stage, the name of a shipped scene, or a dictionary of the same keys.
+def load_scene(
+    source: str | Path | Mapping[str, Any],
+    overrides: Sequence[str] | Mapping[str, Any] = (),
+    *,
+    on: str | Path | None = None,
+    fabric: Any = None,
+) -> Scene:
+    """Loads a scene: a TOML file, a USD stage, a shipped scene's name, a dictionary of the same keys, or two meshes.
 
-    ``overrides`` are ``KEY=VALUE`` strings as --set takes them: a dotted key, and a value in TOML or plain text.
-    Relative paths start from the scene file's folder (for a dictionary the current folder); those of overrides from
-    there, or else from the current folder.
+    Relative paths start from the scene file's folder (for a dictionary and two meshes the current folder); those of
+    overrides from there, or else from the current folder.
+
+    Args:
+        source: the scene, or with ``on`` a garment's mesh file.
+        overrides: changes: ``KEY=VALUE`` strings, each a dotted key, and a value in TOML or plain text; or a dictionary
+            of dotted keys and values.
+        on: a body's mesh file, or "mannequin": what the garment is worn on.
+        fabric: of that garment: a shipped name, a .toml file, a table or a ``Fabric``.
 
     Raises:
         InputError: the scene cannot be read, or a key or value is wrong.
     """
-    if isinstance(source, Mapping):
-        place, name, directory, values = "scene", "scene", Path(), _plain(source)
-    else:
-        path = _scene_file(source if isinstance(source, str) else arguments.path(source, "scene"))
-        place, name, directory = str(path), path.stem, path.parent
-        staged = path.suffix.lower() in USD_SUFFIXES
-        if path.suffix.lower() in MESH_SUFFIXES:
-            remedy = f'write a scene.toml with garment.mesh = "{path.name}" and avatar.mesh = "BODY.obj"'
-            raise InputError(path, "is a mesh, not a scene", remedy)
-        values = stage_values(path) if staged else read_toml(path, "scene file")
-    stated: dict[str, str] = {}  # dotted key -> the --set that stated it
-    for text in arguments.strings(overrides, "overrides"):
-        key = apply_override(values, text, directory)
+    found = _read(source, on, fabric)
+    values, stated = found.values, dict(found.stated)
+    for override in overrides_of(overrides):
+        key = apply_override(values, override, found.directory)
         for other, earlier in stated.items():
             sibling = key.endswith(".kind") and other.startswith(key.removesuffix("kind"))
             if sibling and not still_stated(values, other):
-                raise InputError(earlier, f"is undone by {set_place(text)}", "remove it, or put it after that")
-        stated[key] = set_place(text)
-    if not isinstance(source, Mapping) and path.suffix.lower() in USD_SUFFIXES:
-        check_prims(values, path)
-    values.setdefault("name", name)
+                raise InputError(earlier, f"is undone by {override.place}", "remove it, or put it after that")
+        stated[key] = override.place
+    if found.stage is not None:
+        check_prims(values, found.stage)
+    values.setdefault("name", found.name)
     try:
-        return Scene.model_validate(values, context={"directory": directory})
+        return Scene.model_validate(values, context={"directory": found.directory})
     except ValidationError as error:
         many = isinstance(values.get("garment"), list) and len(values["garment"]) > 1
-        raise scene_error(error, Scene, partial(_place, file=place, stated=stated), many) from None
+        raise scene_error(error, Scene, partial(_place, file=found.place, stated=stated), many) from None
 
 
 def scene_of_body(source: str, overrides: Sequence[str] = ()) -> Scene | None:
@@ -74,13 +87,33 @@ def scene_of_body(source: str, overrides: Sequence[str] = ()) -> Scene | None:
     return load_scene({"name": path.stem, "avatar": {"mesh": source}, "garment": cloth}, overrides)
 
 
-def _plain(values: Any) -> Any:
-    """A copy of a dictionary with NumPy values as Python's."""
-    if isinstance(values, Mapping):
-        return {key: _plain(value) for key, value in values.items()}
-    if isinstance(values, list | tuple):
-        return [_plain(value) for value in values]
-    return values.tolist() if isinstance(values, np.generic | np.ndarray) else deepcopy(values)
+def _read(source: Any, on: Any, fabric: Any) -> _Source:
+    """A scene's values as they are read, from wherever they come."""
+    if on is not None:
+        path = _garment_file(source)
+        values, stated = worn_on(path, on, fabric)
+        return _Source(str(path), path.stem, Path(), values, stated=stated)
+    if fabric is not None:
+        raise InputError("fabric", "is for a garment's mesh and a body", "of a scene, override garment.fabric=NAME")
+    if isinstance(source, Mapping):
+        return _Source("scene", "scene", Path(), plain(source))
+    path = _scene_file(source if isinstance(source, str) else arguments.path(source, "scene"))
+    if path.suffix.lower() in MESH_SUFFIXES:
+        raise InputError(path, "is a mesh, not a scene", 'say what it is worn on: on="BODY.obj" or on="mannequin"')
+    if path.suffix.lower() in USD_SUFFIXES:
+        return _Source(str(path), path.stem, path.parent, stage_values(path), path)
+    return _Source(str(path), path.stem, path.parent, read_toml(path, "scene file"))
+
+
+def _garment_file(source: Any) -> Path:
+    """The mesh file that is worn on a body; what is a scene is refused, as it names its body."""
+    remedy = 'override avatar.mesh="BODY.obj" instead'
+    if isinstance(source, Mapping):
+        raise InputError("on", "is for a garment's mesh, but a scene is given, which names its body", remedy)
+    path = arguments.path(source, "scene")
+    if str(source) in shipped_scenes() or path.suffix.lower() == ".toml":
+        raise InputError("on", f"is for a garment's mesh, but {path} is a scene, which names its body", remedy)
+    return path
 
 
 def shipped_scenes() -> dict[str, Path]:
@@ -105,6 +138,8 @@ def _scene_file(source: str | Path) -> Path:
         return path
     if str(source) in shipped:
         return shipped[str(source)]
+    if is_mesh(path):
+        raise missing_file(path)
     name = path.name.removesuffix(".toml").lower()
     close = difflib.get_close_matches(name, shipped, n=1, cutoff=0.6)
     names = ", ".join(shipped)
@@ -113,7 +148,7 @@ def _scene_file(source: str | Path) -> Path:
 
 
 def _place(key: str, with_key: bool, *, file: str, stated: Mapping[str, str]) -> str:
-    """Where a key was stated: the file, or the --set that wrote it or a key above or below it."""
+    """Where a key was stated: the file, or the override that wrote it or a key above or below it."""
     sought = key.replace("[0]", "")  # a single entry may stand without a list
     for own, text in reversed(list(stated.items())):
         own = own.replace("[0]", "")

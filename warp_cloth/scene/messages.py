@@ -106,13 +106,13 @@ def _describe(
 
 
 def _elsewhere(name: str, model: type[BaseModel]) -> str:
-    """Suggests the tables of a scene that have a key of this name; empty if none does."""
-    homes = [
-        f"{table}.{name}"
-        for table, field in _fields(model).items()
-        if any(name in _fields(inner) for inner in _tables(field.annotation))
-    ]
-    return f"did you mean {' or '.join(homes)}?" if homes else ""
+    """Suggests the tables of a scene that have a key of this name, or one like it; empty if none does."""
+    homes: dict[str, list[str]] = {}
+    for table, field in _fields(model).items():
+        for key in dict.fromkeys(key for inner in _tables(field.annotation) for key in _fields(inner)):
+            homes.setdefault(key, []).append(f"{table}.{key}")
+    close = [name] if name in homes else difflib.get_close_matches(name.lower(), homes, n=1, cutoff=0.75)
+    return f"did you mean {' or '.join(homes[close[0]])}?" if close else ""
 
 
 def _tags(context: Mapping[str, Any]) -> str:

@@ -1,33 +1,84 @@
-"""--set KEY=VALUE: overrides one value of a scene."""
+"""Overrides of a scene: one value each, as text "KEY=VALUE" or as a dotted key with a value of its own."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from warp_cloth.base.errors import InputError
+import numpy as np
+
+from warp_cloth.base import arguments
+from warp_cloth.base.errors import OVERRIDE, InputError
 from warp_cloth.base.toml_file import exists, toml_value
 from warp_cloth.scene.messages import show
 
+WHOLE = ("kind", "name")  # a table with one of these keys replaces the scene's; others change it key by key
 PART = re.compile(r"([A-Za-z_][\w-]*)((?:\[\d{1,6}\])*)")
 
 
-def set_place(text: str) -> str:
-    """How messages name a --set."""
-    return f"--set {text if len(text) <= 100 else text[:97] + '...'}"
+@dataclass(frozen=True)
+class Override:
+    """One value of a scene, and how messages name it."""
+
+    key: str  # dotted
+    value: Any
+    place: str
 
 
-def apply_override(values: dict[str, Any], text: str, directory: Path) -> str:
-    """Writes one KEY=VALUE into a scene's values; returns the key as the schema's messages spell it.
+def overrides_of(given: str | Iterable[str] | Mapping[str, Any]) -> list[Override]:
+    """Overrides from what callers give: texts ``KEY=VALUE``, values in TOML or plain text, or a dictionary.
+
+    A table within a dictionary changes a scene's key by key, unless it has a ``kind`` or ``name`` and replaces it.
+    """
+    if isinstance(given, Mapping):
+        return [Override(key, value, _place(f"{key}={value}")) for key, value in flat(plain(given))]
+    return [_from_text(text) for text in arguments.strings(given, "overrides")]
+
+
+def _from_text(text: str) -> Override:
+    place = _place(text)
+    key, equals, value = text.partition("=")
+    _parts(key.strip(), place)
+    if not equals:
+        raise InputError(place, "has no value", "write KEY=VALUE, for instance garment.fabric=denim")
+    return Override(key.strip(), toml_value(value.strip()), place)
+
+
+def _place(text: str) -> str:
+    return f"{OVERRIDE}{text if len(text) <= 100 else text[:97] + '...'}"
+
+
+def flat(values: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
+    """Dotted keys and values of nested tables; a table with a key of WHOLE stays a table."""
+    found: list[tuple[str, Any]] = []
+    for key, value in values.items():
+        if isinstance(value, Mapping) and not any(word in value for word in WHOLE):
+            found += flat(value, f"{above}{key}.")
+        else:
+            found.append((f"{above}{key}", value))
+    return found
+
+
+def plain(values: Any) -> Any:
+    """A copy of a dictionary or a value with NumPy's as Python's."""
+    if isinstance(values, Mapping):
+        return {key: plain(value) for key, value in values.items()}
+    if isinstance(values, list | tuple):
+        return [plain(value) for value in values]
+    return values.tolist() if isinstance(values, np.generic | np.ndarray) else deepcopy(values)
+
+
+def apply_override(values: dict[str, Any], override: Override, directory: Path) -> str:
+    """Writes one override into a scene's values; returns the key as the schema's messages spell it.
 
     ``directory`` is the scene file's folder, where its relative paths start.
     """
-    place = set_place(text)
-    key, equals, value = text.partition("=")
-    parts = _parts(key.strip(), place)
-    if not equals:
-        raise InputError(place, "has no value", "write KEY=VALUE, for instance garment.fabric=denim")
+    place, value = override.place, override.value
+    parts = _parts(override.key, place)
     garments = values.get("garment")
     if parts[0] == "garment":
         parts = _chosen_garment(parts, garments, place)
@@ -40,8 +91,8 @@ def apply_override(values: dict[str, Any], text: str, directory: Path) -> str:
     elif not isinstance(table, dict):
         raise InputError(place, f"{show(table)} is a value, not a table", "remove the last key")
     else:
-        _settle_choice(table, str(last), value.strip())
-    table[last] = _path_from_here(str(last), toml_value(value.strip()), directory)
+        _settle_choice(table, str(last), value)
+    table[last] = _path_from_here(str(last), value, directory)
     return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in parts).lstrip(".")
 
 
@@ -102,19 +153,19 @@ def _check_entry(table: Any, index: int, place: str) -> None:
         raise InputError(place, f"there is no [{index}]", f"the list has {len(table)}, counted from 0")
 
 
-def _settle_choice(table: dict[str, Any], key: str, value: str) -> None:
+def _settle_choice(table: dict[str, Any], key: str, value: Any) -> None:
     """Removes what a new mesh, shape or kind of shape replaces: these exclude each other."""
     if key == "mesh":
         table.pop("shape", None)
     elif key == "shape":
         for other in ("mesh", "prim", "units", "up"):
             table.pop(other, None)
-    elif key == "kind" and show(table.get("kind")) != show(toml_value(value)):
+    elif key == "kind" and show(table.get("kind")) != show(value):
         table.clear()
 
 
 def _path_from_here(key: str, value: Any, directory: Path) -> Any:
-    """A file that is missing in the scene's folder is taken from the current folder, where --set was typed."""
+    """A file that is missing in the scene's folder is taken from the current folder, where it was typed."""
     file = key in ("mesh", "grain_texture") or (key == "fabric" and str(value).lower().endswith(".toml"))
     if file and isinstance(value, str) and not exists(directory / value) and exists(Path(value)):
         return str(Path(value).absolute())

@@ -18,7 +18,10 @@ Coordinate = Annotated[Real, Field(ge=-1e7, le=1e7)]  # [m]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 VertexId = Annotated[Integer, Field(ge=0, le=2**31 - 1)]
 
-Size = Literal["S", "M", "L"]
+SIZES: tuple[Literal["S", "M", "L"], ...] = ("S", "M", "L")
+Size = Annotated[
+    Literal["S", "M", "L"], BeforeValidator(lambda value: value.upper() if isinstance(value, str) else value)
+]
 
 
 class Table(BaseModel):
@@ -64,9 +67,10 @@ class SphereShape(Table):
 
 
 class MannequinShape(Table):
-    """The shipped parametric mannequin; omitted measures are those of the garment size's standard body."""
+    """The shipped parametric mannequin: the standard body of a size, or your own measures."""
 
     kind: Literal["mannequin"]
+    size: Size = Field(default="M", description="The standard body that has the measures left out.")
     stature: Real | None = Field(default=None, ge=1.2, le=2.3, description="Body height [m].")
     chest: Real | None = Field(default=None, ge=0.7, le=1.5, description="Chest girth [m].")
     waist: Real | None = Field(default=None, ge=0.5, le=1.5, description="Waist girth [m].")

@@ -57,7 +57,7 @@ def check_prims(values: dict[str, Any], path: Path) -> None:
     if isinstance(garment, list) or not isinstance(garment, dict):
         return
     lacking = [
-        f"--set {key}.prim=PATH"
+        f"override {key}.prim=PATH"
         for key, table in (("garment", garment), ("avatar", avatar))
         if isinstance(table, dict) and table.get("mesh") == path.name and not table.get("prim")
     ]
@@ -66,4 +66,4 @@ def check_prims(values: dict[str, Any], path: Path) -> None:
 
         meshes = ", ".join(mesh_paths_of(str(path))[:6])
         problem = f"no mesh of the stage is a surface deformable; its meshes: {meshes or 'none'}"
-        raise InputError(path, problem, f"name them: {' '.join(lacking)}")
+        raise InputError(path, problem, f"{' and '.join(lacking)}")

@@ -102,6 +102,19 @@ class GarmentSpec(Wearable):
 
     name: str = Field(default="", description="Name in stage and report; by default that of the file or shape.")
     shape: GarmentShape | None = Field(default=None, description="A generated garment instead of a mesh; keys below.")
+    translate: Point = Field(
+        default=(0.0, 0.0, 0.0), description="Placement by hand, of the garment as loaded: moved by [m], x y z, y up."
+    )
+    rotate: tuple[Degrees, Degrees, Degrees] = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Turned by [degrees] about the axes through the origin: x, then y, then z; before translate.",
+    )
+    scale: Real = Field(
+        default=1.0,
+        ge=1e-5,
+        le=1e5,
+        description="Lengths times this, at rest too; before rotate. Units are guessed of the mesh so scaled.",
+    )
     rest: RestShape = Field(
         default="auto",
         description="Natural lengths: of the mesh as modelled, of its panels in texture space (uv), or of a USD rest "

@@ -43,19 +43,19 @@ def build_garment(shape: Any, *, body: MannequinMeasures | None = None, cache: C
     raise InputError("garment.shape", f"kind {shape.kind!r} is unknown", 'use "square" or "tshirt"')
 
 
-def build_avatar(shape: Any, *, size: str = "M", cache: Cache | None = None) -> Mesh:
-    """Mesh of a scene's avatar shape, sphere or mannequin; ``size`` gives omitted measures, ``cache`` shares drafts."""
+def build_avatar(shape: Any, *, cache: Cache | None = None) -> Mesh:
+    """Mesh of a scene's avatar shape, sphere or mannequin; ``cache`` shares drafts."""
     if shape.kind == "sphere":
         return sphere(radius=shape.radius, centre=shape.centre, edge=shape.edge_mm / 1000)
     if shape.kind == "mannequin":
-        measures, cache = mannequin_measures(shape, size=size), cache or Cache()
+        measures, cache = mannequin_measures(shape), cache or Cache()
         return cache.get_or_make("mannequin", (), partial(mannequin, measures, cache=cache), measures)
     raise InputError("avatar.shape", f"kind {shape.kind!r} is unknown", 'use "sphere" or "mannequin"')
 
 
-def mannequin_measures(shape: Any, *, size: str = "M") -> MannequinMeasures:
-    """Measures of a scene's mannequin; omitted ones (None) are those of the size's standard body."""
-    standard = SIZE_BODIES[size]
+def mannequin_measures(shape: Any) -> MannequinMeasures:
+    """Measures of a scene's mannequin; omitted ones (None) are those of its size's standard body."""
+    standard = SIZE_BODIES[shape.size]
     given = {name: getattr(shape, name) for name in ("stature", "chest", "waist", "hip")}
     filled = {name: getattr(standard, name) if value is None else value for name, value in given.items()}
     return MannequinMeasures(**filled, arm_angle=shape.arm_angle_degrees)

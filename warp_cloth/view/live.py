@@ -120,10 +120,9 @@ class LiveFit:
         shape = self.scene.avatar.shape if self.scene.avatar is not None else None
         if not isinstance(shape, MannequinShape):
             return None
-        from warp_cloth.garment.outfit import worn_size
         from warp_cloth.shapes import mannequin_measures
 
-        measures = mannequin_measures(shape, size=worn_size(self.scene))
+        measures = mannequin_measures(shape)
         return {name: float(getattr(measures, name)) for name in BODY_MEASURES}
 
     def advance(self) -> None:
@@ -206,7 +205,6 @@ class LiveFit:
             avatar=problem.outfit.avatar,
             garment_names=[spec.name for spec in self.scene.garments],
             device=self.device,
-            girths=False,
         )
         if name not in found.ranges:
             return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import threading
 import time
+import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from warp_cloth.base.topology import build_topology
 from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour
 from warp_cloth.maps import MAPS
 from warp_cloth.material.fabric import shipped_fabrics
+from warp_cloth.scene.shapes import SIZES
 from warp_cloth.view.live import BODY_MEASURES, LiveFit
 from warp_cloth.view.picture import legend_html, map_colours
 from warp_cloth.view.surfaces import Surfaces
@@ -28,7 +30,6 @@ COLOUR_FRACTION = 0.2  # of the time for measuring maps, at most
 LEAST_RESIDUAL = 1e-9  # lower end of the logarithmic plot
 GROUND_LIGHT, SKY = (150, 150, 155), 1.6  # in addition to the viewer's own light; chosen by eye
 STATUS_SECONDS = 0.5  # between two updates of status and plots while the garment moves
-SIZES = ("S", "M", "L")
 MOST_OFFSET = 15.0  # [mm] of the slider, or the scene's own where that is larger
 BODY_RANGES = {"stature": (1.5, 2.0), "chest": (0.8, 1.3), "waist": (0.6, 1.2), "hip": (0.8, 1.3)}  # [m]
 
@@ -169,15 +170,11 @@ class Page:
         at = SIZES.index(shape.size) if shape is not None and hasattr(shape, "size") else 1
         marks = tuple((index, name) for index, name in enumerate(SIZES))
         size = self._server.gui.add_slider("size", min=0, max=2, step=1, initial_value=at, marks=marks)
-        # the body keeps its measures, which would otherwise follow the size
         size.on_update(lambda _: self._request_size(SIZES[int(size.value)]))
 
     def _request_size(self, size: str) -> None:
-        measures = self._live.body or {}
-        with self._lock:
-            self._pending[f"{self._live.scene.garment_keys[0]}.shape.size"] = size
-            for name, value in measures.items():
-                self._pending.setdefault(f"avatar.shape.{name}", f"{value:.3f}")
+        """Of the innermost garment."""
+        self._request(f"{self._live.scene.garment_keys[0]}.shape.size", size)
 
     def _measure_sliders(self, measures: dict[str, float]) -> None:
         def connect(name: str) -> None:
@@ -289,8 +286,10 @@ class Page:
         target.send_file_download(path.name, content, save_immediately=True)
 
 
-def serve(live: LiveFit, *, host: str, port: int, show: Callable[[str], None]) -> None:
-    """Serves the page until it is interrupted; ``show`` is called with its address."""
+def serve(live: LiveFit, *, host: str, port: int, show: Callable[[str], None], opened: bool = False) -> None:
+    """Serves the page until it is interrupted; ``show`` is called with its address, which a browser opens if wanted."""
     page = Page(live, host=host, port=port)
     show(f"open http://{host}:{page.port} in a browser; Ctrl-C stops the server")
+    if opened:
+        webbrowser.open(f"http://{'127.0.0.1' if host == '0.0.0.0' else host}:{page.port}")
     page.run()

@@ -1,0 +1,129 @@
+"""A garment's mesh on a body's without a scene file: fit --on, init, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from meshfiles import ball, sheet, write_obj
+from typer.testing import CliRunner, Result
+
+from warp_cloth.base.errors import InputError
+from warp_cloth.cli.main import app
+from warp_cloth.fitting.fit import fit
+from warp_cloth.garment.outfit import load_outfit
+from warp_cloth.scene import MannequinShape, load_scene
+from warp_cloth.shapes import MannequinMeasures, mannequin
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Current folder with a sheet of cloth over a ball."""
+    points, faces = sheet(count=9, side=0.8)
+    write_obj(tmp_path / "cloth.obj", points[:, [0, 2, 1]] * [1.0, 1.0, -1.0] + [0.0, 1.3, 1.4], faces)
+    points, faces = ball()
+    write_obj(tmp_path / "ball.obj", points, faces)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def call(*arguments: str) -> Result:
+    return CliRunner().invoke(app, arguments)
+
+
+def refused(*arguments: str) -> str:
+    result = call(*arguments)
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    return result.stderr.strip().removeprefix("error: ")
+
+
+def test_two_meshes_are_a_scene(folder: Path) -> None:
+    scene = load_scene("cloth.obj", {"avatar.friction": np.float64(0.2)}, on=Path("ball.obj"), fabric="silk")
+    assert (scene.name, scene.garments[0].mesh, scene.garments[0].fabric.name) == ("cloth", Path("cloth.obj"), "silk")
+    assert scene.avatar is not None
+    assert (scene.avatar.mesh, scene.avatar.friction) == (Path("ball.obj"), 0.2)
+
+
+def test_the_shipped_body_needs_no_file(folder: Path) -> None:
+    scene = load_scene(folder / "cloth.obj", on="mannequin")
+    assert scene.avatar is not None
+    assert isinstance(scene.avatar.shape, MannequinShape)
+
+
+def test_it_is_the_fit_of_the_scene_that_init_writes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "there").mkdir()
+    result = call("init", "cloth.obj", "--on", "ball.obj", "--fabric", "silk", "--out", "there/scene.toml")
+    assert result.exit_code == 0, result.output
+    few = ["solver.iterations=20"]
+    direct = fit("cloth.obj", on="ball.obj", fabric="silk", overrides=few, device="cpu")
+    monkeypatch.chdir("/")
+    assert np.array_equal(fit(folder / "there/scene.toml", overrides=few, device="cpu").garments[0].points,
+                          direct.garments[0].points)  # fmt: skip
+
+
+def test_init_writes_what_was_guessed_and_overwrites_nothing(folder: Path) -> None:
+    assert call("init", "cloth.obj", "--on", "mannequin").exit_code == 0
+    text = (folder / "cloth.toml").read_text()
+    assert "# units not stated: metres assumed" in text
+    assert 'units = "m"' in text
+    assert 'shape = {kind = "mannequin"}' in text
+    assert load_scene("cloth.toml").garments[0].units == "m"
+    assert "is there already" in refused("init", "cloth.obj", "--on", "ball.obj")
+    assert (folder / "cloth.toml").read_text() == text
+
+
+def test_what_init_comments_out_is_valid(folder: Path) -> None:
+    """Every example in the file can be used by removing its #."""
+    call("init", "cloth.obj", "--on", "mannequin")
+    lines = (folder / "cloth.toml").read_text().splitlines()
+    keys = [line.removeprefix("# ") for line in lines[4:] if line.startswith("# ") and " = " in line]
+    assert len(keys) >= 10
+    named = {key.partition(" = ")[0] for key in keys}
+    plain = [line for line in lines[4:] if not line.startswith("#") and line.partition(" = ")[0] not in named]
+    at = {"[garment]": keys[:5], "[avatar]": keys[5:7], "[collision]": keys[7:9], "[solver]": keys[9:]}
+    (folder / "all.toml").write_text("\n".join(part for line in plain for part in (line, *at.get(line, ()))))
+    scene = load_scene("all.toml")
+    assert (scene.garments[0].fabric.weight, scene.garments[0].scale, scene.solver.tolerance_mm) == (0.2, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["cloth.obj"], "cloth.obj: is a mesh, not a scene; say what it is worn on: --on BODY.obj or --on mannequin"),
+        (["clot.obj"], "clot.obj: no such file; did you mean cloth.obj?"),
+        (["clot.obj", "--on", "ball.obj"], "clot.obj: no such file; did you mean cloth.obj?"),
+        (["cloth.obj", "--on", "bal.obj"], "bal.obj: no such file; did you mean ball.obj?"),
+        (["cloth.obj", "--on", "manequin"], "manequin: no such file; did you mean mannequin?"),
+        ([".", "--on", "ball.obj"], ".: is a folder; name a mesh file in it"),
+        (["a.csv", "--on", "ball.obj"], "a.csv: no such file; check the path"),
+        (["cloth.obj", "--on", "a.toml"], "--on: a.toml is a scene, not a body; give a body's mesh file"),
+        (["cloth.obj", "--on", "cloth.obj"], "--on: cloth.obj is the garment, too; give the body's mesh file"),
+        (["tshirt", "--on", "ball.obj"], "--on: is for a garment's mesh, but tshirt is a scene"),
+        (
+            ["tshirt", "--fabric", "silk"],
+            "--fabric: is for a garment's mesh and a body; of a scene, --set",
+        ),
+        (["cloth.obj", "--on", "ball.obj", "--fabric", "slik"], '--fabric: unknown fabric "slik"; did you mean "silk"'),
+        (["tshirt", "--set", "garment.fabrik=silk"], "--set garment.fabrik=silk: unknown key garment.fabrik; did you"),
+    ],
+)
+def test_mistakes_are_one_line(folder: Path, arguments: list[str], line: str) -> None:
+    assert refused("fit", *arguments).startswith(line)
+    assert not (folder / "out").exists()
+
+
+def test_overrides_may_be_a_dictionary_of_values() -> None:
+    scene = load_scene("tshirt", {"garment": {"fabric": "denim"}, "garment.name": "5", "solver.iterations": 7})
+    assert (scene.garments[0].fabric.name, scene.garments[0].name, scene.solver.iterations) == ("denim", "5", 7)
+    with pytest.raises(InputError, match=r"^override garment\.shape\.size=XL: must be one of"):
+        load_scene("tshirt", {"garment.shape.size": "XL"})
+
+
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_a_body_as_the_garment_is_told(folder: Path, exchanged: bool) -> None:
+    body = mannequin(MannequinMeasures())
+    write_obj(folder / "body.obj", body.points, body.triangles)
+    avatar = "cloth.obj" if exchanged else "mannequin"
+    with pytest.raises(InputError, match='exchange it and "cloth"' if exchanged else "give the mesh of the garment"):
+        load_outfit(load_scene("body.obj", on=avatar))

@@ -1,0 +1,74 @@
+"""A scene of two meshes: a garment's file and the body that it is worn on."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+from typing import Any
+
+from warp_cloth.base import arguments
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.toml_file import exists
+from warp_cloth.scene.stage import USD_SUFFIXES, stage_values
+
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
+MANNEQUIN = "mannequin"  # the shipped body, of an M
+
+
+def is_mesh(path: Path) -> bool:
+    """Whether the file's name is that of a mesh; that of a USD stage may be a scene's, too."""
+    return path.suffix.lower() in (*MESH_SUFFIXES, *USD_SUFFIXES)
+
+
+def worn_on(garment: Path, on: Any, fabric: Any) -> tuple[dict[str, Any], dict[str, str]]:
+    """Scene values of a garment on a body, and which of them the arguments stated, by dotted key.
+
+    Raises:
+        InputError: a file is missing, or the body is a scene.
+    """
+    if not exists(garment):
+        raise missing_file(garment)
+    if garment.is_dir():
+        raise InputError(garment, "is a folder", "name a mesh file in it")
+    stated = {"garment": str(garment)}
+    if on == MANNEQUIN and not exists(Path(on)):
+        avatar: dict[str, Any] = {"shape": {"kind": "mannequin"}}
+    else:
+        body = arguments.path(on, "on")
+        if body.suffix.lower() == ".toml":
+            raise InputError("on", f"{body} is a scene, not a body", "give a body's mesh file")
+        if not exists(body):
+            raise missing_file(body, MANNEQUIN)
+        if body.suffix.lower() in MESH_SUFFIXES and body.resolve() == garment.resolve():
+            raise InputError("on", f"{body} is the garment, too", "give the body's mesh file")
+        avatar, stated["avatar"] = {"mesh": str(body)}, str(body)
+    values = {"garment": _garment(garment), "avatar": avatar}
+    if fabric is not None:
+        garments = values["garment"] if isinstance(values["garment"], list) else [values["garment"]]
+        for each in garments:
+            each["fabric"] = fabric
+        many = len(garments) > 1
+        stated |= {f"garment[{index}].fabric" if many else "garment.fabric": "fabric" for index in range(len(garments))}
+    return values, stated
+
+
+def _garment(path: Path) -> Any:
+    """A garment's table; of a USD stage that says which of its meshes are cloth, theirs."""
+    if path.suffix.lower() not in USD_SUFFIXES:
+        return {"mesh": str(path)}
+    cloths = stage_values(path)["garment"]
+    if not isinstance(cloths, list):
+        return {"mesh": str(path)}
+    return [{**cloth, "mesh": str(path)} for cloth in cloths]
+
+
+def missing_file(path: Path, *others: str) -> InputError:
+    """The error for a mesh file that is not there, with the most similar name beside it or among ``others``."""
+    close = difflib.get_close_matches(str(path), others, n=1, cutoff=0.8)
+    if close:
+        return InputError(path, "no such file", f"did you mean {close[0]}?")
+    names: list[str] = []
+    if exists(path.parent) and path.parent.is_dir():
+        names = [entry.name for entry in path.parent.iterdir() if entry.is_file()]
+    close = difflib.get_close_matches(path.name, names, n=1, cutoff=0.6)
+    return InputError(path, "no such file", f"did you mean {path.with_name(close[0])}?" if close else "check the path")
