@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pxr import Sdf, Usd, UsdGeom, Vt
 
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.shapes import sphere
 
 Faces = Sequence[Sequence[int]] | np.ndarray
@@ -40,6 +41,17 @@ def write_obj(path: Path, points: np.ndarray, faces: Faces, texcoords: ArrayLike
     slash = "" if texcoords is None else "/{0}"
     lines += ["f " + " ".join(("{0}" + slash).format(int(corner) + 1) for corner in face) for face in faces]
     path.write_text("\n".join(lines) + "\n")
+
+
+def write_panels(path: Path, points: np.ndarray, mesh: Mesh, scale: float = 1.0) -> Path:
+    """An OBJ file of a garment with its vertices at ``points``, and its texture coordinates, a corner each, scaled."""
+    lines = ["v " + " ".join(f"{x:.7f}" for x in point) for point in points]
+    assert mesh.texcoords is not None
+    lines += ["vt " + " ".join(f"{x:.7f}" for x in corner) for corner in scale * mesh.texcoords.reshape(-1, 2)]
+    for number, triangle in enumerate(mesh.triangles):
+        lines.append("f " + " ".join(f"{vertex + 1}/{3 * number + k + 1}" for k, vertex in enumerate(triangle)))
+    path.write_text("\n".join(lines) + "\n")
+    return path
 
 
 def write_ply(path: Path, points: np.ndarray, faces: Faces) -> None:

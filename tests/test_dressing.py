@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from meshfiles import write_panels
 
 import warp_cloth
 from warp_cloth.anatomy.openings import ARMS, LEGS
@@ -152,13 +153,7 @@ def test_a_tshirt_that_starts_behind_its_body_is_worn_all_the_same(tmp_path: Pat
     """Its file places the panels 25 cm behind the body, so that both arms are outside."""
     outfit = load_outfit(load_scene("tshirt", COARSE))
     mesh = outfit.meshes[0]
-    assert mesh.texcoords is not None
-    lines = ["v " + " ".join(f"{x:.6f}" for x in point) for point in mesh.points - [0.0, 0.0, 0.25]]
-    lines += ["vt " + " ".join(f"{x:.6f}" for x in corner) for corner in mesh.texcoords.reshape(-1, 2)]
-    for number, triangle in enumerate(mesh.triangles):
-        lines.append("f " + " ".join(f"{v + 1}/{3 * number + k + 1}" for k, v in enumerate(triangle)))
-    path = tmp_path / "behind.obj"
-    path.write_text("\n".join(lines) + "\n")
+    path = write_panels(tmp_path / "behind.obj", mesh.points - [0.0, 0.0, 0.25], mesh)
     assert load_mesh(path, role="garment", key="garment", prim=None, units="m").vertex_count == mesh.vertex_count
     scene = {"garment": {"mesh": str(path), "units": "m"}, "avatar": {"shape": {"kind": "mannequin"}}}
     fit = warp_cloth.fit(scene, device="cpu")

@@ -362,3 +362,29 @@ def test_panels_that_are_not_taken_though_something_speaks_for_them_are_noted(
     notes = notes_of({"settings": load_scene({"garment": garment}).settings()})
     assert len(notes) == bool(told)
     assert told in "".join(notes)
+
+
+def test_an_opening_that_is_stretched_all_around_is_too_small_and_no_open_seam(tmp_path: Path) -> None:
+    count, rows = 48, 16
+    angle, height = np.meshgrid(2.0 * np.pi * np.arange(count) / count, np.linspace(0.6, 1.0, rows))
+    points = np.stack([0.25 * np.cos(angle), height, 0.25 * np.sin(angle)], axis=-1).reshape(-1, 3)
+    corner = np.arange(rows * count).reshape(rows, count)
+    right = np.roll(corner, -1, axis=1)
+    quads = np.stack([corner[:-1], corner[1:], right[1:], right[:-1]], axis=-1).reshape(-1, 4)
+    write_obj(tmp_path / "tube.obj", points, np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]]))
+    values = {
+        "garment": {"mesh": str(tmp_path / "tube.obj"), "units": "m"},
+        "avatar": {"shape": {"kind": "mannequin"}},
+    }
+    scene, outfit = loaded(values)
+    stretched = outfit.garments[0].points.copy()
+    low = np.clip(0.08 - (stretched[:, 1] - 0.6), 0.0, 0.08) / 0.08
+    stretched[:, [0, 2]] *= (1.0 + 0.8 * low)[:, None]
+    found = judge(scene, outfit, stretched)
+    assert "seam_open" not in found
+    problem = found["too_small"]
+    assert "its opening for the right leg and left leg" in problem.message
+    assert problem.figures["worn_girth_mm"] == pytest.approx(1.8 * problem.figures["girth_mm"])
+    torn = outfit.garments[0].points.copy()
+    torn[np.argmin(np.abs(torn[:, 1] - 0.8))] += [0.0, 0.05, 0.0]
+    assert "seam_open" in judge(scene, outfit, torn)

@@ -17,6 +17,7 @@ from warp_cloth.anatomy.openings import ARMS, Limbs, Opening, limbs_for
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, Skeleton
 from warp_cloth.base.mesh import Indices, Points
 
+SLEEVED = tuple((arm,) for arm in ARMS)  # whom a sleeve is for
 SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most where its waist holds it
 FAR_SLEEVE = 0.3  # [m] above or below the shoulders: sleeves of any length begin nearer
 
@@ -95,6 +96,14 @@ class Wearing:
         """Whether neither the head nor an arm has an opening."""
         return not any(set(limbs) & {HEAD, *ARMS} for limbs in self.limbs)
 
+    @property
+    def too_high(self) -> float:
+        """How far above the shoulders sleeves start, as for a taller body, or one that stands [m]; 0: they do not."""
+        up = self.skeleton.up
+        pairs = zip(self.openings, self.limbs, strict=True)
+        sleeves = [float(self.start[opening.loop].mean(axis=0) @ up) for opening, limbs in pairs if limbs in SLEEVED]
+        return max(float(np.mean(sleeves)) - float(self.skeleton.shoulders @ up), 0.0) if sleeves else 0.0
+
     def drop(self, points: Points) -> float:
         """How far the opening that starts highest has come down, with the garment at ``points`` [m]."""
         up = self.skeleton.up
@@ -125,7 +134,7 @@ class Wearing:
         centres = np.array([points[opening.loop].mean(axis=0) for opening in trunk])
         off = (skeleton.spine_at(centres) - centres).mean(axis=0)
         shift: Points = off - skeleton.up * (off @ skeleton.up)
-        sleeves = [points[opening.loop].mean(axis=0) for opening, limbs in pairs if limbs in ((ARMS[0],), (ARMS[1],))]
+        sleeves = [points[opening.loop].mean(axis=0) for opening, limbs in pairs if limbs in SLEEVED]
         if sleeves:
             up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)
             shift = shift + skeleton.up * (up if abs(up) > FAR_SLEEVE else 0.0)

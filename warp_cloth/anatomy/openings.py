@@ -15,7 +15,7 @@ from warp_cloth.base.topology import Topology
 NARROWEST = 0.09  # [m]; the girth of a child's cuff. A shorter loop is a buttonhole
 RINGS = 4  # of cloth behind an opening, where the cloth is a tube: a hand may end within a sleeve
 LATERAL = 0.045  # of the body's span, from its middle: an opening farther off is for one limb
-BESIDE = 0.15  # of the body's span: a garment whose middle is farther to one side is beside the body
+BESIDE = 0.08  # of the body's span: a garment that is farther to one side is beside the body
 
 LEGS, ARMS = (RIGHT_LEG, LEFT_LEG), (RIGHT_ARM, LEFT_ARM)
 Limbs = tuple[int, ...]
@@ -72,7 +72,9 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
     centres = np.array([points[opening.loop].mean(axis=0) for opening in openings]) - skeleton.middle
     across, up = centres @ skeleton.left, centres @ skeleton.up
     sideways = (points - skeleton.middle) @ skeleton.left
-    aside = 0.5 * float(sideways.min() + sideways.max())
+    middle, largest = 0.5 * float(sideways.min() + sideways.max()), float(across[0])
+    # by both: one sleeve moves the middle, and a wide leg may be the largest opening
+    aside = float(np.clip(middle, min(largest, 0.0), max(largest, 0.0)))
     if abs(aside) > BESIDE * skeleton.span:
         across = across - aside
     in_middle = [n for n in range(len(openings)) if abs(across[n]) <= LATERAL * skeleton.span]

@@ -57,7 +57,7 @@ class Run:
             pairs,
             len(outcome.points),
             torn=self.torn,
-            misplaced=self.pierced or any(self.misplaced),
+            misplaced=self.pierced or any(self.misplaced) or (self.overlap is not None and len(self.overlap.edges) > 0),
             sunk=self.sunk,
             shown=self.overlap is not None and float(self.overlap.face_depths.max(initial=0.0)) > 1e-3 * VISIBLE,
             cut_short=outcome.cut_short,

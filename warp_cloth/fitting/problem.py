@@ -89,7 +89,7 @@ class Problem:
     def choices(self, item: int) -> tuple[Choice, ...]:
         """What was chosen for an item where its scene says "auto", in the order of the scene's keys."""
         of_rest = [choice for garment in self.outfits[item].garments for choice in garment.rest.source.choices]
-        return (*of_rest, *self._avatar_choices(item), *self.attempts[item].choices)
+        return (*self.outfits[item].readings, *of_rest, *self._avatar_choices(item), *self.attempts[item].choices)
 
     def _avatar_choices(self, item: int) -> tuple[Choice, ...]:
         """The collider that "auto" has come to."""

@@ -21,6 +21,7 @@ from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.mistaken import refuse_bodies
 from warp_cloth.garment.pins import select_pins
+from warp_cloth.garment.reading import read_again
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
 from warp_cloth.loading import Placement, check_sizes, load_mesh, load_poses, without_area
@@ -46,6 +47,7 @@ class Outfit:
     poses: tuple[Points, ...] = ()  # vertices of a moving avatar, first pose to last [m], each shape [V, 3]
     predrape_garments: tuple[Garment, ...] = ()  # in the fabric of the predrape; empty: garments start as placed
     wearing: tuple[Wearing | None, ...] = ()  # of each garment; None: a sheet, or on what has no limbs, or moves
+    readings: tuple[Choice, ...] = ()  # what was read otherwise than it is by default, as garments started badly
     padded: Mesh | None = None  # the avatar as garments meet it, where it would show through their faces otherwise
 
     @property
@@ -116,7 +118,13 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     meshes = [cache.make(recipe) for recipe in mesh_recipes(scene)]
     worn, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
     keyed = list(zip(scene.garment_keys, worn, strict=True))
-    check_sizes(keyed, avatar)
+    try:
+        check_sizes(keyed, avatar)
+    except InputError:
+        outfit = _read_otherwise(scene, worn, _wearing(scene, _garments(scene, worn, cache), avatar, cache), cache)
+        if outfit is None:
+            raise
+        return outfit
     refuse_bodies(keyed, avatar)
     garments, predrape_scene = _garments(scene, worn, cache), predrape_scene_of(scene)
     poses: tuple[Points, ...] = ()
@@ -126,7 +134,20 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
         avatar, poses = cache.get(key, partial(_posed, scene.avatar, avatar))
     predraped = () if predrape_scene is None else _garments(predrape_scene, worn, cache)
     still = avatar if not poses and scene.collision.avatar != "none" else None
-    return Outfit(worn, garments, avatar, poses, predraped, _wearing(scene, garments, still, cache))
+    wearing = _wearing(scene, garments, still, cache)
+    otherwise = _read_otherwise(scene, worn, wearing, cache)
+    return otherwise or Outfit(worn, garments, avatar, poses, predraped, wearing)
+
+
+def _read_otherwise(
+    scene: Scene, meshes: Sequence[Mesh], wearing: Sequence[Wearing | None], mesh_cache: MeshCache
+) -> Outfit | None:
+    """The outfit where a file that says too little is read so that limbs pass through; None: it is so already."""
+    again, readings = read_again(scene, meshes, wearing)
+    if not readings:
+        return None
+    outfit = load_outfit(again, mesh_cache)
+    return replace(outfit, readings=(*readings, *outfit.readings))
 
 
 def load_avatar(scene: Scene) -> Mesh:

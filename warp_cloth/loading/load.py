@@ -180,7 +180,12 @@ def _stood_up(raw: RawMesh, up: UpAxis | None, axis_unknown: bool) -> RawMesh:
     if up != "z":
         return raw
     doubt = None if raw.doubt is None else raw.doubt[:, [0, 2, 1]]
-    return replace(raw, points=raw.points[:, [0, 2, 1]] * [1.0, 1.0, -1.0], doubt=doubt)
+    return replace(raw, points=from_z_up(raw.points), doubt=doubt)
+
+
+def from_z_up(points: Floats) -> Floats:
+    """Points of a file whose z axis points up, with the y axis up; shape [V, 3]."""
+    return points[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
 
 
 def _content(path: Path) -> bytes:

@@ -85,7 +85,7 @@ class Ended:
     crossings: int  # pairs of triangles that pass through each other
     vertices: int  # of all garments
     torn: bool = False  # whether an edge is stretched as no worn cloth is
-    misplaced: bool = False  # whether a limb is outside its opening, or cloth runs through its middle
+    misplaced: bool = False  # whether a limb is outside its opening, or cloth runs through one
     sunk: bool = False  # whether a garment has slid down from the waist
     shown: bool = False  # whether the avatar shows through faces whose corners are outside
     cut_short: CutShort | None = None

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from warp_cloth.anatomy.openings import Limbs, Opening
-from warp_cloth.anatomy.skeleton import LIMBS
+from warp_cloth.anatomy.skeleton import HEAD, LIMBS
 from warp_cloth.base.quantiles import quantiles
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import TORN
@@ -89,14 +89,24 @@ def tight_openings(judged: Judged) -> list[tuple[Opening, Limbs, float]]:
 
 
 def _too_tight(judged: Judged, opening: Opening, limbs: Limbs, worn: float) -> FitProblem:
+    girths = f"{100 * opening.girth:.0f} cm around, is stretched to {100 * worn:.0f} cm"
+    figures = {"girth_mm": 1e3 * opening.girth, "worn_girth_mm": 1e3 * worn, "limit": TIGHT_OPENING}
+    if HEAD in limbs:  # a neck is narrower than any neckline
+        return FitProblem(
+            ProblemCode.SLID_OFF,
+            f'"{judged.name}" has slid off the shoulders: its neckline, {girths}.',
+            "Use a larger size, or a body with its arms further from its sides.",
+            judged.name,
+            figures,
+            vertices=listed(opening.loop),
+        )
     body = " and ".join(LIMBS[limb] for limb in limbs) or "body"
     return FitProblem(
         ProblemCode.TOO_SMALL,
-        f'"{judged.name}" is too small for the body: its opening for the {body}, {100 * opening.girth:.0f} cm around, '
-        f"is stretched to {100 * worn:.0f} cm.",
+        f'"{judged.name}" is too small for the body: its opening for the {body}, {girths}.',
         "Use a larger size or a softer fabric, or a smaller body.",
         judged.name,
-        {"girth_mm": 1e3 * opening.girth, "worn_girth_mm": 1e3 * worn, "limit": TIGHT_OPENING},
+        figures,
         vertices=listed(opening.loop),
     )
 

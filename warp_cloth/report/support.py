@@ -105,6 +105,8 @@ def slid_down(judged: Judged) -> FitProblem | None:
     highest = max(openings, key=lambda opening: float(start[opening.vertices].mean()))
     began, ended = (float(place[highest.vertices].mean()) for place in (start, judged.points[:, 1]))
     limit = height * (FOLDED if began - floor > NECK * height else SLID)
+    wearing = judged.of.outfit.wearing[judged.index]
+    began -= 0.0 if wearing is None else wearing.too_high
     if not began - ended > limit:
         return None
     return FitProblem(

@@ -1,0 +1,108 @@
+"""A garment whose file says too little is read so that limbs pass through its openings: unit, up axis, turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from meshfiles import write_panels
+
+from warp_cloth.anatomy.openings import ARMS, LEGS, limbs_for
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.garment.outfit import Outfit, load_outfit
+from warp_cloth.scene import load_scene
+
+INCH = 0.0254
+TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # by 90 degrees about y
+Move = Callable[[np.ndarray], np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def tshirt() -> Mesh:
+    return load_outfit(load_scene("tshirt", ("garment.shape.edge_mm=30",))).meshes[0]
+
+
+def read(folder: Path, mesh: Mesh, move: Move, scale: float = 1.0, **keys: Any) -> Outfit:
+    """The outfit of a scene with the mesh's file, moved, and its panels scaled."""
+    path = write_panels(folder / "shirt.obj", move(mesh.points), mesh, scale)
+    garment = {"mesh": str(path), **keys}
+    return load_outfit(load_scene({"garment": garment, "avatar": {"shape": {"kind": "mannequin"}}}))
+
+
+def choices(outfit: Outfit) -> dict[str, Any]:
+    return {choice.key.removeprefix("garment."): choice.value for choice in outfit.readings}
+
+
+@pytest.mark.parametrize(
+    ("move", "scale", "read_as"),
+    [
+        (lambda points: points, 1.0, {}),
+        (lambda points: 100.0 * points, 100.0, {}),  # centimetres are guessed from the size alone
+        (lambda points: points / INCH, 1.0 / INCH, {"units": "in"}),
+        (lambda points: points[:, [0, 2, 1]] * [1.0, -1.0, 1.0], 1.0, {"up": "z"}),
+        (lambda points: points[:, [0, 2, 1]] * [1.0, -1.0, 1.0] / INCH, 1.0 / INCH, {"units": "in", "up": "z"}),
+    ],
+)
+def test_the_unit_and_the_up_axis_are_those_in_which_limbs_pass_through(
+    tmp_path: Path, tshirt: Mesh, move: Move, scale: float, read_as: dict[str, Any]
+) -> None:
+    outfit = read(tmp_path, tshirt, move, scale)
+    assert choices(outfit) == read_as
+    assert outfit.meshes[0].points == pytest.approx(tshirt.points, abs=1e-4)
+    assert outfit.garments[0].rest.edge_length.sum() == pytest.approx(
+        read(tmp_path, tshirt, lambda points: points).garments[0].rest.edge_length.sum(), rel=1e-4
+    )
+
+
+@pytest.mark.parametrize("quarters", [1, 3])
+def test_a_garment_that_is_turned_is_turned_back_with_its_front_before(
+    tmp_path: Path, tshirt: Mesh, quarters: int
+) -> None:
+    turn = np.linalg.matrix_power(TURN, quarters)
+    outfit = read(tmp_path, tshirt, lambda points: points @ turn.T)
+    assert set(choices(outfit)) == {"rotate", "translate"}
+    (wearing,) = outfit.wearing
+    assert wearing is not None
+    assert not wearing.start_fault
+    assert outfit.meshes[0].points == pytest.approx(tshirt.points, abs=0.06)  # round the body, not round the origin
+
+
+def test_what_is_stated_stays(tmp_path: Path, tshirt: Mesh) -> None:
+    with pytest.raises(InputError, match="away from the avatar"):
+        read(tmp_path, tshirt, lambda points: points[:, [0, 2, 1]] * [1.0, -1.0, 1.0], up="y")
+    placed = read(tmp_path, tshirt, lambda points: points @ TURN.T, translate=[0.0, 0.01, 0.0])
+    assert not placed.readings
+
+
+def test_a_garment_beside_the_body_keeps_the_roles_of_its_openings(tmp_path: Path, tshirt: Mesh) -> None:
+    there, beside = read(tmp_path, tshirt, lambda p: p), read(tmp_path, tshirt, lambda p: p + np.array([0.3, 0.0, 0.0]))
+    (first,), (second,) = there.wearing, beside.wearing
+    assert first is not None
+    assert second is not None
+    assert second.limbs == first.limbs
+    assert second.shift(second.start) == pytest.approx([-0.3, 0.0, 0.0], abs=0.05)
+
+
+def test_one_sleeve_does_not_move_the_middle_of_a_garment(tshirt: Mesh, tmp_path: Path) -> None:
+    (wearing,) = read(tmp_path, tshirt, lambda points: points).wearing
+    assert wearing is not None
+    longer = wearing.start.copy()
+    left = longer @ wearing.skeleton.left
+    longer[left > 0.2] += 0.5 * wearing.skeleton.left
+    assert limbs_for(wearing.openings, longer, wearing.skeleton) == list(wearing.limbs)
+    assert {(ARMS[0],), (ARMS[1],), LEGS} <= set(wearing.limbs)
+
+
+def test_sleeves_above_the_shoulders_start_too_high(tshirt: Mesh, tmp_path: Path) -> None:
+    (low,), (high,) = (
+        read(tmp_path, tshirt, lambda points, lift=lift: points + np.array([0.0, lift, 0.0])).wearing
+        for lift in (0.0, 0.4)
+    )
+    assert low is not None
+    assert high is not None
+    assert low.too_high < 0.05
+    assert high.too_high == pytest.approx(0.4, abs=0.2)
