@@ -144,13 +144,7 @@ def fit(
     if progress is not None and not callable(progress):
         raise InputError("progress", f"must be a function, not {progress}", "pass a function, or None")
     report_progress = progress or (lambda _: None)
-    if isinstance(scene, Scene):
-        given = {"overrides": len(list(overrides)) > 0, "on": on is not None, "fabric": fabric is not None}
-        for late in (name for name, stated in given.items() if stated):
-            raise InputError(late, "the scene is loaded already", "pass it to load_scene")
-        chosen = scene
-    else:
-        chosen = load_scene(scene, overrides, on=on, fabric=fabric)
+    chosen = _loaded(scene, overrides, on, fabric)
     map_names = check_maps(chosen_maps(maps), has_avatar=chosen.avatar is not None)
     device_name = device_named(device)
     if start is not None and chosen.avatar is not None and chosen.avatar.poses:
@@ -181,6 +175,16 @@ def fit(
     report_progress(Progress("measure"))
     (result,) = finish_fits(problem, [course], clock=clock, frames=frames)
     return Fit.of(_with_maps(result, map_names, problem) if map_names else result)
+
+
+def _loaded(scene: Any, overrides: Any, on: Any, fabric: Any) -> Scene:
+    """The scene, which is changed only while it is loaded."""
+    if not isinstance(scene, Scene):
+        return load_scene(scene, overrides, on=on, fabric=fabric)
+    given = {"overrides": len(list(overrides)) > 0, "on": on is not None, "fabric": fabric is not None}
+    for late in (name for name, stated in given.items() if stated):
+        raise InputError(late, "the scene is loaded already", "pass it to load_scene")
+    return scene
 
 
 def _with_maps(result: FitResult, names: Sequence[str], problem: Problem) -> FitResult:
