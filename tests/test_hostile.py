@@ -171,7 +171,7 @@ SCENES: dict[str, tuple[str, str]] = {
     "nothing": ("", "is empty"),
     "a comment": ("# soon\n", "garment: is missing"),
     "no garment": ("[avatar]\nmesh = 'ball.obj'\n", "garment: is missing"),
-    "empty garment": ("[garment]\n", "neither mesh nor shape"),
+    "empty garment": ("[garment]\n", "neither mesh nor pattern nor shape"),
     "no TOML": ("[garment\nmesh = 3", "scene.toml:1: is not valid TOML"),
     "JSON": ('{"garment": {"mesh": "sheet.obj"}}', "not valid TOML"),
     "a key twice": ("[garment]\nmesh = 'sheet.obj'\nmesh = 'sheet.obj'\n", "scene.toml:3: is not valid TOML"),

@@ -167,7 +167,7 @@ def _completed(values: dict[str, Any], folder: Path) -> dict[str, Any]:
     values = deepcopy(values)
     garments = values.setdefault("garment", {})
     for garment in garments if isinstance(garments, list) else [garments]:
-        if not {"mesh", "shape"} & set(garment):
+        if not {"mesh", "pattern", "shape"} & set(garment):
             garment["shape"] = {"kind": "tshirt"}
     for wearable in (*(garments if isinstance(garments, list) else [garments]), values.get("avatar", {})):
         if "mesh" in wearable:

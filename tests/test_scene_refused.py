@@ -136,7 +136,7 @@ def test_an_avatar_that_holds_its_garment_or_is_held_by_it_is_refused(tmp_path: 
     ("text", "line"),
     [
         ("[garments]\nmesh = 'a.obj'", "unknown key garments; did you mean garment?"),
-        ("[garment]\nrest = 'mesh'", 'garment: neither mesh nor shape is given; give one: mesh = "FILE"'),
+        ("[garment]\nrest = 'mesh'", 'garment: neither mesh nor pattern nor shape is given; give one: mesh = "FILE"'),
         ("[garment]\nmesh = ''", 'garment.mesh: "" is not a path'),
         ("[garment]\nshape = {side = 1}", 'garment.shape.kind: is missing; give one of "square", "tshirt"'),
         ("[garment]\nshape = 'square'", 'garment.shape: must be a table, not "square"'),

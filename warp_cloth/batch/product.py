@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import glob
 import itertools
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.scene import shipped_scenes
+from warp_cloth.scene.paths import file_stem
 
 AXES = ("garments", "sizes", "avatars", "fabrics")  # in the order in which they form names
 SIZE = "{size}"  # stands for the size's name in a garment's texts
@@ -31,7 +34,7 @@ def product_rows(product: Any, shared: Mapping[str, Any], path: Path) -> list[di
             entries = product[axis]
             if not isinstance(entries, list) or not entries:
                 raise InputError(path, f"product.{axis} is not a list of entries", 'write ["A", "B"]')
-            axes.append([_entry(axis, entry, path) for entry in entries])
+            axes.append([_entry(axis, each, path) for entry in entries for each in _files(entry, path)])
     if not axes:
         raise InputError(path, "the product is empty", f"give some of {', '.join(AXES)}")
     count = 1
@@ -52,6 +55,19 @@ def product_rows(product: Any, shared: Mapping[str, Any], path: Path) -> list[di
     return rows
 
 
+def _files(entry: Any, path: Path) -> list[Any]:
+    """The entry, or the files that it stands for where it has a * or ?, by name; relative to the job file's folder."""
+    if not isinstance(entry, str) or not set(entry) & set("*?"):
+        return [entry]
+    try:
+        found = sorted(glob.glob(entry, root_dir=path.parent))
+    except (OSError, ValueError, re.error):
+        found = []
+    if not found:
+        raise InputError(path, f'no file fits "{entry}"', "check the pattern; it is relative to the job file")
+    return found
+
+
 def _entry(axis: str, entry: Any, path: Path) -> dict[str, Any]:
     """An entry's axis, name and the scene keys that it states."""
     if isinstance(entry, dict):
@@ -63,9 +79,9 @@ def _entry(axis: str, entry: Any, path: Path) -> dict[str, Any]:
         raise InputError(
             path, f"{entry!r} in product.{axis} is neither text nor a table", 'write "NAME" or {name = ..}'
         )
-    name = Path(entry).stem if "." in entry or "/" in entry else entry
+    name = file_stem(Path(entry)) if "." in entry or "/" in entry else entry
     keys = {
-        "garments": {"scene": entry} if _is_scene(entry) else {"garment.mesh": entry},
+        "garments": {"scene": entry} if _is_scene(entry) else {_garment_key(entry): entry},
         "sizes": {},
         "avatars": {"avatar.mesh": entry},
         "fabrics": {"garment.fabric": entry},
@@ -75,6 +91,10 @@ def _entry(axis: str, entry: Any, path: Path) -> dict[str, Any]:
 
 def _is_scene(text: str) -> bool:
     return text.lower().endswith(".toml") or text in shipped_scenes()
+
+
+def _garment_key(file: str) -> str:
+    return "garment.pattern" if file.lower().endswith(".json") else "garment.mesh"
 
 
 def _names_size(entry: Mapping[str, Any]) -> bool:

@@ -164,7 +164,7 @@ def fit_sizes(
     Args:
         scene: what ``load_scene`` takes; its avatar is the body, the same for all sizes.
         sizes: from small to large; empty: those of the generated T-shirt.
-        overrides: ``KEY=VALUE`` changes; ``{size}`` in one, or in the scene's garment.mesh, stands for the size.
+        overrides: ``KEY=VALUE`` changes; ``{size}`` in one, or in the scene's garment.mesh or pattern, stands for it.
             Where neither has it the size is that of the generated T-shirt.
         ease: wanted at chest, waist and hip [m]; negative for a garment that should stretch.
         device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
@@ -188,9 +188,9 @@ def fit_sizes(
     if base.avatar is None:
         raise InputError("sizes", "the scene has no avatar to choose a size for", "add an [avatar]")
     sized += [
-        f"{key}.mesh={toml_text(str(spec.mesh.absolute()))}"
+        f"{key}.{'mesh' if spec.pattern is None else 'pattern'}={toml_text(str(spec.file.absolute()))}"
         for key, spec in zip(base.garment_keys, base.garments, strict=True)
-        if spec.mesh is not None and SIZE in str(spec.mesh)
+        if spec.file is not None and SIZE in str(spec.file)
     ]
     generated = isinstance(base.garments[0].shape, TshirtShape)
     if not sized and not generated:

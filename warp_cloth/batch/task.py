@@ -117,7 +117,7 @@ class _TaskRun:
             return ItemResult(empty_row(item.name, Status.INVALID.value, _in_columns(error)))
         sources = [scene.avatar.mesh] if scene.avatar is not None else []
         for garment in scene.garments:
-            sources += [garment.mesh, garment.grain_texture]
+            sources += [garment.file, garment.grain_texture]
         self._files.update(path for path in sources if path is not None)
         return scene
 

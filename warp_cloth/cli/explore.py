@@ -1,4 +1,4 @@
-"""Commands that explore what a scene is made of: ``warp-cloth scenes``, ``fabric`` and ``avatar``."""
+"""Commands that explore what a scene is made of: ``warp-cloth scenes``, ``pattern``, ``fabric`` and ``avatar``."""
 
 from __future__ import annotations
 
@@ -31,6 +31,38 @@ def scenes() -> None:
                 f"{fabric.stretch_weft / 1e3:5.1f} kN/m  bending {fabric.bending_warp:.1e} and "
                 f"{fabric.bending_weft:.1e} N m2  thickness {fabric.thickness * 1e3:.2f} mm"
             )
+
+
+def pattern(
+    file: Annotated[Path, typer.Argument(help="Sewing pattern: a GarmentCode *_specification.json.")],
+    out: Annotated[Path, typer.Option(help="Output folder, for NAME_pattern.svg and NAME_pattern.png.")] = Path("out"),
+    edge_mm: Annotated[
+        float | None, typer.Option(help="Edge length of the mesh [mm].", min=2.0, max=60.0, show_default="15")
+    ] = None,
+) -> None:
+    """Draw a pattern: its panels in millimetres, with numbered edges and the stitches that sew them.
+
+    \b
+    warp-cloth pattern dress_specification.json --out drawn
+    """
+    with one_line_errors():
+        from warp_cloth.loading.raw import counted
+        from warp_cloth.scene.paths import file_stem
+        from warp_cloth.scene.wearables import PATTERN_EDGE_MM
+
+        name = file_stem(file)
+        with output_folder(out, f"{name}_pattern"):
+            from warp_cloth.export.pattern_picture import save_pattern_pictures
+            from warp_cloth.pattern import read_pattern, sewn_mesh
+
+            edge = PATTERN_EDGE_MM if edge_mm is None else edge_mm
+            read = read_pattern(file)
+            mesh = sewn_mesh(read, name, edge=1e-3 * edge)
+            paths = save_pattern_pictures(read, name, out)
+            sizes = (len(read.panels), "panel"), (len(read.stitches), "seam"), (mesh.vertex_count, "vertex")
+    typer.echo(f"{name}: {', '.join(counted(*size) for size in sizes)} at {edge:g} mm")
+    for line in [*(f"  note {note}" for note in mesh.notes), *(f"  wrote {path}" for path in paths)]:
+        typer.echo(line)
 
 
 def fabric(

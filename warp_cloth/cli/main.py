@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from warp_cloth.cli.explore import avatar, fabric, scenes
+from warp_cloth.cli.explore import avatar, fabric, pattern, scenes
 from warp_cloth.cli.fit import batch, fit, sizes
 from warp_cloth.cli.init import init
 from warp_cloth.cli.results import compare, view
@@ -24,7 +24,7 @@ app = typer.Typer(
 )
 for panel, commands in (
     ("Fit", (fit, init, batch, sizes, compare, view)),
-    ("Explore", (scenes, fabric, avatar)),
+    ("Explore", (scenes, pattern, fabric, avatar)),
     ("Study", (plan, tradeoff)),
 ):
     for command in commands:

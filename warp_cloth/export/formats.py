@@ -29,8 +29,8 @@ def check_inputs_kept(scene: Scene, folder: Path, formats: Sequence[str]) -> Non
     """Refuses a folder in which a file of the scene would be overwritten."""
     written = {folder / f"{scene.name}.{suffix}" for suffix in formats} | {folder / f"{scene.name}_over.usda"}
     places = {realpath(path) for path in written}  # unlike Path.resolve, circular links are no error
-    specs = [*scene.garments, *([scene.avatar] if scene.avatar is not None else [])]
-    for file in (spec.mesh for spec in specs):
+    avatar = scene.avatar.mesh if scene.avatar is not None else None
+    for file in (*(spec.file for spec in scene.garments), avatar):
         if isinstance(file, Path) and realpath(file) in places:
             raise InputError(
                 folder, f"{file.name}, which the scene reads, would be overwritten", "choose another folder"

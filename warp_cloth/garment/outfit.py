@@ -25,13 +25,16 @@ from warp_cloth.garment.reading import read_again
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
 from warp_cloth.loading import Placement, check_sizes, load_mesh, load_poses, without_area
+from warp_cloth.pattern import load_pattern
 from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.scene.predrape import predrape_scene_of
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
 FABRIC_KEYS = {"fabric", "pin", "name"}  # keys of a garment that its rest geometry does not depend on
 # keys of a garment or an avatar that its mesh depends on
-MESH_KEYS = {"mesh", "shape", "prim", "units", "up", "translate", "rotate", "scale", "rest", "uv_units"}
+MESH_KEYS = {
+    *("mesh", "pattern", "edge_mm", "shape", "prim", "units", "up", "translate", "rotate", "scale", "rest", "uv_units")
+}
 
 T = TypeVar("T")
 Key = tuple[str, ...]
@@ -228,7 +231,7 @@ def garment_keys(scene: Scene, index: int) -> GarmentKeys:
     """Cache keys of a scene's garment."""
     spec, key = scene.garments[index], scene.garment_keys[index]
     common = _directory(scene), key, str(_body(scene))
-    stamp = _file_stamp(spec.mesh, spec.grain_texture)
+    stamp = _file_stamp(spec.file, spec.grain_texture)
     return GarmentKeys(
         ("mesh", *common, _values(spec, MESH_KEYS), stamp),
         ("geometry", *common, _values(spec, set(GarmentSpec.model_fields) - FABRIC_KEYS), stamp),
@@ -305,16 +308,17 @@ def _values(spec: GarmentSpec | AvatarSpec, keys: set[str] | None) -> str:
 
 
 def _geometry(mesh: Mesh, spec: GarmentSpec, key: str) -> RestGeometry:
-    place = key if spec.mesh is None else str(spec.mesh)
+    place = key if spec.file is None else str(spec.file)
     grain = Grain(spec.grain_degrees, spec.grain_panels, spec.grain_texture)
     cut = spec.rest == "auto" and isinstance(spec.shape, TshirtShape)  # from panels, however it is placed
     geometry = build_rest_geometry(
         mesh,
-        rest="uv" if cut else spec.rest,
-        metres_per_uv=spec.uv_metres if spec.mesh is not None else spec.uv_metres or 1.0,  # shapes are in metres
+        rest="uv" if cut or spec.pattern is not None else spec.rest,
+        metres_per_uv=spec.uv_metres if spec.mesh is not None else spec.uv_metres or 1.0,  # others are in metres
         scale=spec.scale,
         grain=grain,
         rest_angles=spec.rest_angles,
+        is_pattern=spec.pattern is not None,
         place=place,
         key=key,
     )
@@ -335,7 +339,10 @@ def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tu
 def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None, drafts: Cache) -> Mesh:
     placement = Placement(spec.translate, spec.rotate, spec.scale)
     if spec.mesh is None:
-        mesh = build_garment(spec.shape, body=body, cache=drafts)
+        if spec.pattern is not None:
+            mesh = load_pattern(spec.pattern, edge=spec.edge)
+        else:
+            mesh = build_garment(spec.shape, body=body, cache=drafts)
         return replace(mesh, points=placement.moved(mesh.points * spec.scale))
     load = partial(
         load_mesh,

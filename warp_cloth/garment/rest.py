@@ -186,6 +186,7 @@ def build_rest_geometry(
     metres_per_uv: float | None = 1.0,
     grain: Grain | None = None,
     rest_angles: RestAngles = "flat",
+    is_pattern: bool = False,
     place: str = "garment",
     key: str = "garment",
     scale: float = 1.0,
@@ -198,6 +199,7 @@ def build_rest_geometry(
         metres_per_uv: length of one unit of texture space [m]; None: the mesh shows it.
         grain: direction of the warp in the panels; None: their +v.
         rest_angles: whether folds are flat at rest, as in the mesh (pressed pleats), or as a stage states them.
+        is_pattern: whether panels and mesh were made from one pattern, so that their scale is beyond doubt.
         place: the mesh's file or name, for messages.
         key: its scene table, for messages.
         scale: by which the scene scaled the mesh as loaded, and scales texture space likewise.
@@ -219,7 +221,8 @@ def build_rest_geometry(
     like = _drawn_flat(mesh, grain or Grain(), key, source)
     geometry = _laid_out(mesh.triangles, sides, mesh.vertex_count, like)
     if source.kind == "uv":
-        notes += _panel_notes(mesh, source, sides, drawn, geometry, place, key)
+        notes += () if is_pattern else _scale_notes(mesh, source, drawn, geometry, place, key)
+        notes += check_seams(sides, geometry.sheet.topology)
     return replace(
         geometry,
         notes=notes,
@@ -229,17 +232,17 @@ def build_rest_geometry(
     )
 
 
-def _panel_notes(
-    mesh: Mesh, source: RestSource, sides: Floats, drawn: Floats, geometry: RestGeometry, place: str, key: str
+def _scale_notes(
+    mesh: Mesh, source: RestSource, drawn: Floats, geometry: RestGeometry, place: str, key: str
 ) -> tuple[str, ...]:
-    """What is doubtful about panels; lengths of triangles' sides in them and in the mesh [m], shape [F, 3] each."""
-    topology, length, scale = geometry.sheet.topology, geometry.length, source.metres_per_uv
-    side_edge = topology.triangle_edges.ravel()
+    """What is doubtful about the scale of panels; ``drawn``: lengths of triangles' sides in the mesh [m], [F, 3]."""
+    length, scale = geometry.length, source.metres_per_uv
+    side_edge = geometry.sheet.topology.triangle_edges.ravel()
     initial = np.bincount(side_edge, drawn.ravel(), len(length)) / np.bincount(side_edge, minlength=len(length))
     notes = check_scale(mesh, length, initial, mean_scale(scale) / source.scale, place, key)
     if isinstance(scale, float):  # two scales are as the mesh shows them
         notes += check_axes(mesh, scale, key)
-    return notes + check_seams(sides, topology)
+    return notes
 
 
 def constants_of(triangles: Indices, sides: Floats, weight: Floats, fabric: Fabric, like: Floats | None) -> RestShape:

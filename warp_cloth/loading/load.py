@@ -153,7 +153,7 @@ def read_raw(path: Path, *, role: Role, key: str, prim: str | None, up: UpAxis |
     Raises:
         InputError: the file cannot be read.
     """
-    data = _content(path)
+    data = content(path)
     kind = path.suffix.lower()
     if up is not None and kind in SUPPORTED and kind not in AXIS_UNKNOWN:
         raise InputError(path, f"{kind} files state their up axis, but {key}.up is given", f"remove {key}.up")
@@ -188,7 +188,7 @@ def from_z_up(points: Floats) -> Floats:
     return points[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
 
 
-def _content(path: Path) -> bytes:
+def content(path: Path) -> bytes:
     """All bytes of a file.
 
     Raises:

@@ -10,6 +10,7 @@ from typing import Any
 
 from warp_cloth.base.toml_file import toml_text
 
+FILES = ("mesh", "pattern")  # keys of files that a table begins with
 HEAD = """\
 # {name}, fitted on {body}:    warp-cloth fit {file}
 # Lengths are in metres, y is up, the body faces +z. `warp-cloth plan {file}` shows what is computed; every key:
@@ -39,14 +40,14 @@ def draft_text(values: Mapping[str, Any], file: Path, units: Sequence[str], note
     """A scene file in TOML.
 
     Args:
-        values: tables ``garment``, one or a list, and ``avatar``; their meshes relative to the current folder.
+        values: tables ``garment``, one or a list, and ``avatar``; their files relative to the current folder.
         file: where it will be written; its paths are relative to its folder.
         units: guessed unit of each garment, then of the avatar; empty where the file states it.
         notes: what loading says of each, likewise.
     """
     garments = values["garment"] if isinstance(values["garment"], list) else [values["garment"]]
     avatar = values["avatar"]
-    names = ", ".join(dict.fromkeys(Path(each["mesh"]).name for each in garments))
+    names = ", ".join(dict.fromkeys(Path(each.get("mesh") or each["pattern"]).name for each in garments))
     body = Path(avatar["mesh"]).name if "mesh" in avatar else "the shipped mannequin"
     parts = [HEAD.format(name=names, body=body, file=_plain(shlex.quote(file.name)))]
     head = "[[garment]]" if len(garments) > 1 else "[garment]"
@@ -58,12 +59,12 @@ def draft_text(values: Mapping[str, Any], file: Path, units: Sequence[str], note
 
 
 def _lines(table: Mapping[str, Any], file: Path, unit: str, notes: Sequence[str]) -> list[str]:
-    """A table's values, the mesh first, each on a line; notes above them."""
-    values: dict[str, Any] = {"mesh": table["mesh"]} if "mesh" in table else {}
+    """A table's values, the file first, each on a line; notes above them."""
+    values: dict[str, Any] = {key: table[key] for key in FILES if key in table}
     values |= {"units": unit} if unit else {}
     values |= table
     for key, value in values.items():
-        if key == "mesh" or (key == "fabric" and str(value).lower().endswith(".toml")):
+        if key in FILES or (key == "fabric" and str(value).lower().endswith(".toml")):
             values[key] = _relative(Path(value), file.parent)
     return [*(f"# {_plain(note)}" for note in notes), *(f"{key} = {toml_text(value)}" for key, value in values.items())]
 

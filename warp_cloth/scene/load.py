@@ -17,9 +17,10 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import exists, read_toml
 from warp_cloth.scene.messages import scene_error, show
 from warp_cloth.scene.overrides import apply_override, overrides_of, plain, still_stated
+from warp_cloth.scene.paths import file_stem
 from warp_cloth.scene.schema import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, stage_values
-from warp_cloth.scene.worn_on import MESH_SUFFIXES, is_mesh, missing_file, worn_on
+from warp_cloth.scene.worn_on import MESH_SUFFIXES, PATTERN_SUFFIX, is_mesh, missing_file, worn_on
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def _read(source: Any, on: Any, fabric: Any) -> _Source:
     if on is not None:
         path = _garment_file(source)
         values, stated = worn_on(path, on, fabric)
-        return _Source(str(path), path.stem, Path(), values, stated=stated)
+        return _Source(str(path), file_stem(path), Path(), values, stated=stated)
     if fabric is not None:
         raise InputError("fabric", "is for a garment's mesh and a body", "of a scene, override garment.fabric=NAME")
     if isinstance(source, Mapping):
@@ -100,6 +101,8 @@ def _read(source: Any, on: Any, fabric: Any) -> _Source:
     path = _scene_file(source if isinstance(source, str) else arguments.path(source, "scene"))
     if path.suffix.lower() in MESH_SUFFIXES:
         raise InputError(path, "is a mesh, not a scene", 'say what it is worn on: on="BODY.obj" or on="mannequin"')
+    if path.suffix.lower() == PATTERN_SUFFIX:
+        raise InputError(path, "is no scene", 'if it is a pattern, say what it is worn on: on="BODY.obj"')
     if path.suffix.lower() in USD_SUFFIXES:
         return _Source(str(path), path.stem, path.parent, stage_values(path), path)
     return _Source(str(path), path.stem, path.parent, read_toml(path, "scene file"))

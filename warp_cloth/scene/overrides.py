@@ -20,6 +20,10 @@ WHOLE = ("kind", "name")  # a table with one of these keys replaces the scene's;
 PART = re.compile(r"([A-Za-z_][\w-]*)((?:\[\d{1,6}\])*)")
 
 
+# Where a garment or an avatar comes from, with the keys that are for one of these alone
+SOURCES = {"mesh": ("mesh", "prim", "units", "up"), "pattern": ("pattern", "edge_mm"), "shape": ("shape",)}
+
+
 @dataclass(frozen=True)
 class Override:
     """One value of a scene, and how messages name it."""
@@ -154,11 +158,9 @@ def _check_entry(table: Any, index: int, place: str) -> None:
 
 
 def _settle_choice(table: dict[str, Any], key: str, value: Any) -> None:
-    """Removes what a new mesh, shape or kind of shape replaces: these exclude each other."""
-    if key == "mesh":
-        table.pop("shape", None)
-    elif key == "shape":
-        for other in ("mesh", "prim", "units", "up"):
+    """Removes what a new mesh, pattern, shape or kind of shape replaces: these exclude each other."""
+    if key in SOURCES:
+        for other in (each for source, keys in SOURCES.items() if source != key for each in keys):
             table.pop(other, None)
     elif key == "kind" and show(table.get("kind")) != show(value):
         table.clear()
@@ -166,7 +168,7 @@ def _settle_choice(table: dict[str, Any], key: str, value: Any) -> None:
 
 def _path_from_here(key: str, value: Any, directory: Path) -> Any:
     """A file that is missing in the scene's folder is taken from the current folder, where it was typed."""
-    file = key in ("mesh", "grain_texture") or (key == "fabric" and str(value).lower().endswith(".toml"))
+    file = key in ("mesh", "pattern", "grain_texture") or (key == "fabric" and str(value).lower().endswith(".toml"))
     if file and isinstance(value, str) and not exists(directory / value) and exists(Path(value)):
         return str(Path(value).absolute())
     return value

@@ -13,6 +13,8 @@ from pydantic import ValidationInfo
 
 from warp_cloth.scene.messages import refusal, show
 
+SPECIFICATION = "_specification"  # as GarmentCode's files end
+
 
 def directory_of(info: ValidationInfo) -> Path:
     """Folder where relative paths start: the scene file's, or the current one."""
@@ -38,6 +40,12 @@ def path_from(value: Any, info: ValidationInfo, what: str) -> Path | None:
         problem = f"{show(str(path))} cannot be the name of a file in this locale ({sys.getfilesystemencoding()})"
         raise refusal(problem, "set LC_ALL to a UTF-8 locale, such as C.UTF-8") from None
     return path
+
+
+def file_stem(path: Path | None) -> str:
+    """A garment's name by its file, without the ending of GarmentCode's specifications."""
+    stem = Path(path or "").stem
+    return stem.removesuffix(SPECIFICATION) or stem
 
 
 def checked_name(value: str) -> str:

@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from warp_cloth.scene.messages import refusal, show
-from warp_cloth.scene.paths import checked_name
+from warp_cloth.scene.paths import checked_name, file_stem
 from warp_cloth.scene.shapes import Integer, Real, Table
 from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.scene.wearables import AvatarSpec, GarmentSpec
@@ -170,7 +170,7 @@ class Scene(Table):
             raise refusal(f"two garments have the same name, {show(twice[0])}", "give each a name of its own")
         named = []
         for garment in garments:
-            name = stem = garment.name or (garment.shape.kind if garment.shape else Path(garment.mesh or "").stem)
+            name = stem = garment.name or (garment.shape.kind if garment.shape else file_stem(garment.file))
             count = 1
             while not garment.name and name in taken:
                 count += 1

@@ -1,4 +1,4 @@
-"""A scene of two meshes: a garment's file and the body that it is worn on."""
+"""A scene of two files: a garment's mesh or pattern, and the body that it is worn on."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from warp_cloth.base.toml_file import exists
 from warp_cloth.scene.stage import USD_SUFFIXES, stage_values
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
+PATTERN_SUFFIX = ".json"
 MANNEQUIN = "mannequin"  # the shipped body, of an M
 
 
@@ -54,6 +55,8 @@ def worn_on(garment: Path, on: Any, fabric: Any) -> tuple[dict[str, Any], dict[s
 
 def _garment(path: Path) -> Any:
     """A garment's table; of a USD stage that says which of its meshes are cloth, theirs."""
+    if path.suffix.lower() == PATTERN_SUFFIX:
+        return {"pattern": str(path)}
     if path.suffix.lower() not in USD_SUFFIXES:
         return {"mesh": str(path)}
     cloths = stage_values(path)["garment"]

@@ -145,7 +145,7 @@ def _tolerance(millimetres: float, residual: float) -> dict[str, str]:
 
 
 def _coarser(scene: Scene, factor: float) -> dict[str, str]:
-    """Generated garments with longer edges; empty where no garment is generated, or pins name vertices."""
+    """Generated garments and patterns with longer edges; empty where there are none, or pins name vertices."""
     settings = {}
     for key, garment in zip(scene.garment_keys, scene.garments, strict=True):
         if any(pin.vertices is not None for pin in garment.pin):
@@ -155,6 +155,8 @@ def _coarser(scene: Scene, factor: float) -> dict[str, str]:
             settings[f"{key}.shape.vertices_per_side"] = str(max(side, 3))
         elif isinstance(garment.shape, TshirtShape):
             settings[f"{key}.shape.edge_mm"] = f"{min(garment.shape.edge_mm * factor, 60.0):.3g}"
+        elif garment.pattern is not None:
+            settings[f"{key}.edge_mm"] = f"{min(1e3 * garment.edge * factor, 60.0):.3g}"
     return settings
 
 

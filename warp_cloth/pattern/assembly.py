@@ -1,0 +1,180 @@
+"""A pattern as a garment mesh: panels meshed, placed and sewn, with the flat panels as its texture coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.base.connected import connected_components
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.loading.load import content
+from warp_cloth.pattern.crowding import crowded_edges, parted
+from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.delaunay import Ints, OutlineError
+from warp_cloth.pattern.mesher import Flat, meshed
+from warp_cloth.pattern.outline import Outline, SewnOutlines, sewn_outlines
+from warp_cloth.pattern.sewing import Seam, seams_of
+from warp_cloth.pattern.specification import Pattern, read_specification, short
+
+MOST_VERTICES = 2_000_000
+PARTING_ROUNDS = 20
+_EIGHTHS = np.linspace(0.0, 1.0, 9)
+
+
+def load_pattern(path: Path, *, edge: float) -> Mesh:
+    """The garment of a GarmentCode specification, in metres, its panels meshed, placed and sewn.
+
+    Args:
+        path: ``NAME_specification.json``.
+        edge: edge length of the mesh [m].
+
+    Texture coordinates are the panels as drawn, side by side [m]. The same file gives the same bits.
+
+    Raises:
+        InputError: the file cannot be read, or states what cannot be cut or sewn.
+    """
+    return sewn_mesh(read_pattern(path), path.stem, edge=edge)
+
+
+def read_pattern(path: Path) -> Pattern:
+    """The panels and stitches of a GarmentCode specification.
+
+    Raises:
+        InputError: the file cannot be read, or states an impossible panel, edge or stitch.
+    """
+    return read_specification(str(path), content(path))
+
+
+def sewn_mesh(pattern: Pattern, name: str, *, edge: float) -> Mesh:
+    """The garment of a pattern, as ``load_pattern`` returns it."""
+    _check_count(pattern, edge)
+    seams = seams_of(pattern)
+    sewn = sewn_outlines(pattern, seams, edge)
+    flat = _meshed(pattern, sewn, edge)
+    flat, welded = _sewn(pattern, sewn, flat)
+    points = _placed(pattern, flat, welded)
+    outward = np.array([panel.area > 0.0 for panel in pattern.panels])
+    outward ^= _turned(pattern, seams)
+    panel = flat.panel[flat.triangles[:, 0]]
+    triangles = np.where(outward[panel][:, None], flat.triangles, flat.triangles[:, ::-1])
+    used, number = np.unique(welded, return_inverse=True)
+    return Mesh(
+        name=name,
+        points=np.ascontiguousarray(points[used]),
+        triangles=np.ascontiguousarray(number.ravel()[triangles], dtype=np.int32),
+        texcoords=np.ascontiguousarray(flat.points[triangles]),
+        panels=panel.astype(np.int32),
+        panel_names=tuple(each.name for each in pattern.panels),
+        notes=(*pattern.notes, *sewn.notes),
+    )
+
+
+def _check_count(pattern: Pattern, edge: float) -> None:
+    """Refuses a mesh beyond all memory before it is made, and panels without area."""
+    count = 0.0
+    for panel in pattern.panels:
+        around = sum(each.curve.length for each in panel.edges)
+        if not abs(panel.area) > 1e-6 * around**2:
+            pattern.refuse(f'panel "{short(panel.name)}"', "has no area", "correct its outline")
+        box = float(np.prod(np.ptp(np.concatenate([each.curve.at(_EIGHTHS) for each in panel.edges]), axis=0)))
+        count += max(abs(panel.area) / (np.sqrt(0.75) * edge**2), 0.05 * box / edge**2) + around / edge
+    if count > MOST_VERTICES:
+        problem = f"with edges of {1e3 * edge:g} mm its mesh would have some {count:,.0f} vertices"
+        pattern.refuse("", problem, "check units_in_meter, or choose a longer edge_mm")
+
+
+def _meshed(pattern: Pattern, sewn: SewnOutlines, edge: float) -> Flat:
+    """The meshed panels; the vertices of outlines keep their order, whichever way they run."""
+    ways = [1 if panel.area > 0.0 else -1 for panel in pattern.panels]
+    outlines = [outline.points[::way] for outline, way in zip(sewn.outlines, ways, strict=True)]
+    spacing = [outline.spacing[::way] for outline, way in zip(sewn.outlines, ways, strict=True)]
+    try:
+        flat = meshed(outlines, spacing, edge)
+    except OutlineError as error:
+        _refuse_outline(pattern, sewn.outlines, ways, error.places)
+    order = np.arange(len(flat.points))
+    start = 0
+    for outline, way in zip(outlines, ways, strict=True):
+        order[start : start + len(outline)] = start + np.arange(len(outline))[::way]
+        start += len(outline)
+    return Flat(flat.points[order], order[flat.triangles], flat.panel[order], flat.origins)
+
+
+def _refuse_outline(
+    pattern: Pattern, outlines: Sequence[Outline], ways: Sequence[int], places: Sequence[int]
+) -> NoReturn:
+    starts = np.cumsum([0, *(len(outline.points) for outline in outlines)])
+    named: dict[int, set[int]] = {}
+    for place in places:
+        index = int(np.searchsorted(starts, place, side="right")) - 1
+        if index >= len(outlines):
+            continue
+        own = place - int(starts[index])
+        own = own if ways[index] > 0 else len(outlines[index].points) - 1 - own
+        named.setdefault(index, set()).add(pattern.panels[index].edges[outlines[index].edges[own]].number)
+    index, numbers = next(iter(named.items()), (0, set()))
+    edges = " and ".join(str(number) for number in sorted(numbers))
+    where = f'panel "{short(pattern.panels[index].name)}"'
+    where += f", edge{'s' * (len(numbers) > 1)} {edges}" if numbers else ""
+    pattern.refuse(where, "the outline crosses or touches itself", "correct the outline")
+
+
+def _turned(pattern: Pattern, seams: Sequence[Seam]) -> NDArray[np.bool_]:
+    """Panels whose loop's outer side is the garment's inner side: where right is sewn to wrong, shape [P].
+
+    The outer side of each garment is that of most of its cloth.
+    """
+    count = len(pattern.panels)
+    turned = np.zeros(count, dtype=bool)
+    beside: list[list[tuple[int, bool]]] = [[] for _ in range(count)]
+    for seam in seams:
+        one, other = (piece.side.panel for piece in seam.pieces)
+        beside[one].append((other, not seam.reverse))
+        beside[other].append((one, not seam.reverse))
+    seen = np.zeros(count, dtype=bool)
+    for first in range(count):
+        if seen[first]:
+            continue
+        seen[first], group, front = True, [first], [first]
+        while front:
+            one = front.pop()
+            for other, differs in beside[one]:
+                if not seen[other]:
+                    seen[other], turned[other] = True, turned[one] ^ differs
+                    group.append(other)
+                    front.append(other)
+        area = np.array([abs(pattern.panels[index].area) for index in group])
+        if area[turned[group]].sum() > 0.5 * area.sum():
+            turned[group] ^= True
+    return turned
+
+
+def _sewn(pattern: Pattern, sewn: SewnOutlines, flat: Flat) -> tuple[Flat, Ints]:
+    """The panels with edges parted where sewing would lay them on others, and the vertex that each vertex becomes."""
+    starts = np.cumsum([0, *(len(outline.points) for outline in sewn.outlines)])
+    none = np.zeros(0, dtype=np.int64)
+    one = np.concatenate([none, *(starts[panel] + places for panel, places, _, _ in sewn.seams)])
+    other = np.concatenate([none, *(starts[panel] + places for _, _, panel, places in sewn.seams)])
+    for _ in range(PARTING_ROUNDS):
+        welded = connected_components(len(flat.points), one, other)
+        crowded = crowded_edges(flat, welded)
+        if not len(crowded):
+            return flat, welded
+        flat = parted(flat, welded, crowded)
+    a = int(flat.triangles.ravel()[crowded[0]])
+    place = f'panel "{short(pattern.panels[int(flat.panel[a])].name)}"'
+    pattern.refuse(place, "is so small or narrow that its seams lie on each other", "choose a shorter edge_mm")
+
+
+def _placed(pattern: Pattern, flat: Flat, welded: Ints) -> Floats:
+    """Where vertices start [m], shape [N, 3]: those that are one at their mean."""
+    placed = np.empty((len(flat.points), 3))
+    for index, panel in enumerate(pattern.panels):
+        mine = flat.panel == index
+        placed[mine] = panel.placed(flat.points[mine] - flat.origins[index])
+    count = np.maximum(np.bincount(welded, minlength=len(welded)), 1)
+    return np.column_stack([np.bincount(welded, placed[:, axis], len(welded)) / count for axis in range(3)])

@@ -1,0 +1,180 @@
+"""Curves of a panel's outline in the plane: lines, circular arcs, quadratic and cubic Bezier curves.
+
+Lengths and areas are exact, but for the lengths of Bezier curves, which are integrated to 1e-12.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+TABLE = 65  # places of a curve between which its parameter is interpolated by cubics in the length
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)  # exact to degree 15 within each of the table's spans
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One edge of an outline, from ``points[0]`` to ``points[-1]``.
+
+    ``points`` [m], shape [2, 2] for a line and an arc, [3, 2] or [4, 2] for a quadratic or cubic Bezier curve.
+    An arc turns by ``turn`` [rad] about its centre, counter-clockwise where positive.
+    """
+
+    points: Floats
+    turn: float = 0.0  # of an arc; 0: no arc
+
+    @property
+    def start(self) -> Floats:
+        return self.points[0]
+
+    @property
+    def end(self) -> Floats:
+        return self.points[-1]
+
+    @property
+    def is_line(self) -> bool:
+        return len(self.points) == 2 and self.turn == 0.0
+
+    @property
+    def chord(self) -> float:
+        """Distance of the ends [m]."""
+        return float(np.hypot(*(self.end - self.start)))
+
+    @property
+    def radius(self) -> float:
+        """Radius of an arc [m]."""
+        return 0.5 * self.chord / math.sin(0.5 * abs(self.turn))
+
+    @property
+    def centre(self) -> Floats:
+        """Centre of an arc [m], shape [2]."""
+        across = self.end - self.start
+        left = np.array([-across[1], across[0]])
+        return 0.5 * (self.start + self.end) + left * (0.5 / math.tan(0.5 * self.turn))
+
+    @cached_property
+    def length(self) -> float:
+        """Arc length [m]."""
+        if self.is_line:
+            return self.chord
+        if self.turn:
+            return self.radius * abs(self.turn)
+        return float(self._lengths[-1])
+
+    @cached_property
+    def _lengths(self) -> Floats:
+        """Lengths of a Bezier curve from its start to even parameters."""
+        return _arc_lengths(self.points)
+
+    @property
+    def area(self) -> float:
+        """Its part of the area that the outline encloses [m^2]: half the integral of x dy - y dx along it.
+
+        A Bezier curve's is the sum over pairs of control points of their cross product with the integrals of the
+        Bernstein polynomials; an arc's is its chord's, and the segment of the circle beside it.
+        """
+        p = self.points
+        chord = 0.5 * _cross(p[0], p[-1])
+        if self.turn:
+            return chord + 0.5 * self.radius**2 * (self.turn - math.sin(self.turn))
+        if len(p) == 3:
+            return (2 * _cross(p[0], p[1]) + 2 * _cross(p[1], p[2]) + _cross(p[0], p[2])) / 6
+        if len(p) == 4:
+            pairs = 6 * _cross(p[0], p[1]) + 3 * _cross(p[0], p[2]) + _cross(p[0], p[3])
+            return (pairs + 3 * _cross(p[1], p[2]) + 3 * _cross(p[1], p[3]) + 6 * _cross(p[2], p[3])) / 20
+        return chord
+
+    def at(self, fractions: Floats) -> Floats:
+        """The points at these fractions of the length, from 0 to 1, shape [N]; [m], shape [N, 2]."""
+        if self.is_line:
+            return self.start + np.asarray(fractions)[:, None] * (self.end - self.start)
+        if self.turn:
+            angle = self.turn * np.asarray(fractions)
+            out, c, s = self.start - self.centre, np.cos(angle), np.sin(angle)
+            return self.centre + np.column_stack([c * out[0] - s * out[1], s * out[0] + c * out[1]])
+        return _bezier(self.points, self._parameters(fractions))
+
+    def bends(self, fractions: Floats) -> Floats:
+        """The curvature vectors at these fractions of the length [1/m], towards the centre, shape [N, 2]."""
+        if self.is_line:
+            return np.zeros((len(fractions), 2))
+        if self.turn:
+            return (self.centre - self.at(fractions)) / self.radius**2
+        t = self._parameters(fractions)
+        first = _bezier(_hodograph(self.points), t)
+        second = _bezier(_hodograph(_hodograph(self.points)), t)
+        speed = np.maximum((first**2).sum(axis=1), 1e-12 * self.length**2)
+        along = (first * second).sum(axis=1) / speed
+        return (second - along[:, None] * first) / speed[:, None]
+
+    def _parameters(self, fractions: Floats) -> Floats:
+        """Parameters of a Bezier curve at fractions of its length."""
+        lengths = self._lengths
+        wanted = np.clip(np.asarray(fractions), 0.0, 1.0) * lengths[-1]
+        spans = TABLE - 1
+        span = np.clip(np.searchsorted(lengths, wanted, side="right") - 1, 0, spans - 1)
+        base = lengths[span]
+        t = (span + (wanted - base) / np.maximum(lengths[span + 1] - base, 1e-300)) / spans
+        for _ in range(2):  # Newton's steps; the integral from the span's start is by the same rule
+            low = span / spans
+            half = 0.5 * (t - low)
+            at = low[:, None] + half[:, None] * (_NODES + 1.0)
+            reached = base + half * (_speeds(self.points, at) @ _WEIGHTS)
+            speed = np.maximum(_speeds(self.points, t[:, None])[:, 0], 1e-9 * lengths[-1])
+            t = np.clip(t - (reached - wanted) / speed, low, (span + 1) / spans)
+        return t
+
+
+def arc(start: Floats, end: Floats, radius: float, large: bool, right: bool) -> Curve:
+    """The arc of a circle from start to end, as SVG's: large or small, counter-clockwise where ``right``.
+
+    A radius shorter than half the chord is taken as half the chord (SVG 1.1, appendix F.6.6).
+    """
+    half = 0.5 * float(np.hypot(*(end - start)))
+    turn = 2.0 * math.asin(min(1.0, half / radius))
+    turn = 2.0 * math.pi - turn if large else turn
+    return Curve(np.array([start, end]), turn if right else -turn)
+
+
+def from_edge_frame(start: Floats, end: Floats, relative: Floats) -> Floats:
+    """Points given relative to an edge, x along it and y to its left, both in units of its chord; shape [N, 2]."""
+    along = end - start
+    left = np.array([-along[1], along[0]])
+    return start + relative[:, :1] * along + relative[:, 1:] * left
+
+
+def _cross(a: Floats, b: Floats) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])
+
+
+def _bezier(points: Floats, t: Floats) -> Floats:
+    """de Casteljau's algorithm; ``t`` shape [...], returns [..., 2]."""
+    level = [np.asarray(point) for point in points]
+    t = np.asarray(t)[..., None]
+    while len(level) > 1:
+        level = [(1.0 - t) * a + t * b for a, b in pairwise(level)]
+    return np.broadcast_to(level[0], (*t.shape[:-1], 2))
+
+
+def _hodograph(points: Floats) -> Floats:
+    """Control points of a Bezier curve's derivative."""
+    return (len(points) - 1) * np.diff(points, axis=0)
+
+
+def _speeds(points: Floats, t: Floats) -> Floats:
+    velocity = _bezier(_hodograph(points), t)
+    return np.asarray(np.hypot(velocity[..., 0], velocity[..., 1]))
+
+
+def _arc_lengths(points: Floats) -> Floats:
+    """Lengths of a Bezier curve from its start to TABLE even parameters [m], shape [TABLE]; by Gauss's rule."""
+    half = 0.5 / (TABLE - 1)
+    at = np.arange(TABLE - 1)[:, None] / (TABLE - 1) + half * (_NODES + 1.0)
+    return np.concatenate([[0.0], np.cumsum(half * (_speeds(points, at) @ _WEIGHTS))])

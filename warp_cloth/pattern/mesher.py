@@ -1,0 +1,240 @@
+"""Meshing of panels: vertices inside their outlines, and triangles without small angles where the outline allows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.delaunay import FLAT, Ints, OutlineError, doubled_areas, triangulated
+from warp_cloth.pattern.lattice import CLEARANCE, GRADED, inside, jittered, lattice, spacing_at
+
+SMOOTHING_ROUNDS = 8
+REFINING_ROUNDS = 3
+LARGE = 0.75  # of the spacing: circumradius above which a triangle is split; equilateral ones have 0.58
+SMALL_ANGLE = 27.0  # [degrees] below which a triangle is split
+IMPROVED = 26.5  # [degrees] below which a triangle's inner vertices are moved by themselves
+SWEEPS = 3
+# Places tried for such a vertex, in lengths of its shortest edge
+_TRIED = np.array(
+    [(0.0, 0.0)] + [(r * np.cos(a), r * np.sin(a)) for r in (0.06, 0.18, 0.4) for a in np.arange(8) * np.pi / 4]
+)
+OFF_CENTRE = 1.6  # of the shortest edge: as far as its triangle reaches at 35 degrees (Uengoer, Off-centers, 2004)
+APART = 3.0  # spacings between the panels, side by side, of one triangulation
+
+
+@dataclass(frozen=True, eq=False)
+class Flat:
+    """Meshed panels side by side: vertices of all outlines first, then those inside."""
+
+    points: Floats  # [m], shape [N, 2]
+    triangles: Ints  # counter-clockwise, shape [F, 3]
+    panel: Ints  # of each vertex, shape [N]
+    origins: Floats  # [m] by how much each panel was moved, shape [P, 2]
+
+
+@dataclass(eq=False)
+class _Sheet:
+    """Outlines of all panels, side by side and counter-clockwise."""
+
+    outlines: list[Floats]
+    wanted: list[Floats]  # spacing at the vertices of each outline
+    spacing: float
+    starts: Ints  # first vertex of each outline
+    origins: Floats  # [m], shape [P, 2]
+
+    @property
+    def sides(self) -> Ints:
+        loops = [s + np.arange(len(o)) for s, o in zip(self.starts, self.outlines, strict=True)]
+        return np.concatenate([np.column_stack([loop, np.roll(loop, -1)]) for loop in loops])
+
+
+def meshed(outlines: Sequence[Floats], wanted: Sequence[Floats], spacing: float) -> Flat:
+    """Fills outlines, each counter-clockwise [m], shape [n, 2], with triangles of about the spacing [m].
+
+    ``wanted``: the spacing at each outline's vertices. Vertices keep the order of the outlines; the panels are moved
+    side by side along x.
+
+    Raises:
+        OutlineError: an outline crosses or touches itself.
+    """
+    sheet = _side_by_side(outlines, wanted, spacing)
+    seeds = [_seeds(o, w, spacing) for o, w in zip(sheet.outlines, sheet.wanted, strict=True)]
+    rim = np.concatenate(sheet.outlines)
+    of_rim = np.repeat(np.arange(len(outlines)), [len(o) for o in outlines])
+    points = np.concatenate([rim, jittered(np.concatenate(seeds), spacing)])
+    panel = np.concatenate([of_rim, np.repeat(np.arange(len(outlines)), [len(s) for s in seeds])])
+    sides = sheet.sides
+    triangles = triangulated(points, sides)
+    for _ in range(REFINING_ROUNDS):
+        added, of = _refined(sheet, points, triangles, panel)
+        if not len(added):
+            break
+        points, panel = np.concatenate([points, added]), np.concatenate([panel, of])
+        triangles = _renewed(points, panel, triangles, sides, np.unique(of))
+    points = _smoothed(points, triangles, len(rim))
+    triangles = triangulated(points, sides)
+    points = _improved(points, triangles, len(rim))
+    edges = np.roll(points[triangles], -1, axis=1) - points[triangles]
+    flat = triangles[doubled_areas(points, triangles) <= FLAT * (edges**2).sum(axis=2).max(axis=1)]
+    if len(flat):  # a place where two sides all but touch
+        raise OutlineError(*(int(vertex) for vertex in flat[0] if vertex < len(rim)))
+    return Flat(points, triangles, panel, sheet.origins)
+
+
+def _renewed(points: Floats, panel: Ints, triangles: Ints, sides: Ints, changed: Ints) -> Ints:
+    """The triangles with those of the changed panels made anew."""
+    mine = np.flatnonzero(np.bincount(changed, minlength=int(panel.max()) + 1)[panel])
+    place = np.full(len(points), -1, dtype=np.int64)
+    place[mine] = np.arange(len(mine))
+    own = sides[place[sides[:, 0]] >= 0]
+    kept = triangles[place[triangles[:, 0]] < 0]
+    try:
+        return np.concatenate([kept, mine[triangulated(points[mine], place[own])]])
+    except OutlineError as error:
+        raise OutlineError(*(int(mine[at]) for at in error.places)) from None
+
+
+def _side_by_side(outlines: Sequence[Floats], wanted: Sequence[Floats], spacing: float) -> _Sheet:
+    moved, origins, right = [], [], 0.0
+    for outline in outlines:
+        low, high = outline.min(axis=0), outline.max(axis=0)
+        origins.append([right - low[0], -low[1]])
+        moved.append(outline + origins[-1])
+        right += high[0] - low[0] + APART * spacing
+    starts = np.cumsum([0, *(len(outline) for outline in outlines[:-1])])
+    return _Sheet(moved, list(wanted), spacing, starts, np.array(origins))
+
+
+def _rim_places(outline: Floats) -> Floats:
+    """Vertices of an outline and the middles of its sides."""
+    return np.concatenate([outline, 0.5 * (outline + np.roll(outline, -1, axis=0))])
+
+
+def _seeds(outline: Floats, wanted: Floats, spacing: float) -> Floats:
+    """Inner vertices at first: the lattice, but where the spacing is closer or the outline near."""
+    from scipy.spatial import cKDTree
+
+    spots = lattice(outline, spacing)
+    if not len(spots):
+        return spots
+    local = spacing_at(spots, outline, wanted, spacing)
+    spots, local = spots[local >= GRADED * spacing], local[local >= GRADED * spacing]
+    clear, _ = cKDTree(_rim_places(outline)).query(spots, distance_upper_bound=spacing)
+    return np.asarray(spots[clear > CLEARANCE * local])
+
+
+def angles_of(points: Floats, triangles: Ints) -> Floats:
+    """The angles of triangles [degrees], shape [F, 3]."""
+    corner = points[triangles]
+    out, back = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
+    sine = out[..., 0] * back[..., 1] - out[..., 1] * back[..., 0]
+    return np.asarray(np.degrees(np.arctan2(np.abs(sine), (out * back).sum(axis=2))))
+
+
+def _refined(sheet: _Sheet, points: Floats, triangles: Ints, panel: Ints) -> tuple[Floats, Ints]:
+    """Vertices that split triangles which are too large or have too small an angle, and their panels."""
+    from scipy.spatial import cKDTree
+
+    corner = points[triangles]
+    edges = np.roll(corner, -1, axis=1) - corner
+    length = np.hypot(edges[..., 0], edges[..., 1])
+    area = doubled_areas(points, triangles)
+    shortest = length.min(axis=1)
+    radius = length.prod(axis=1) / np.maximum(2.0 * area, 1e-9 * length.prod(axis=1) + 1e-30)  # at most 1e9 m
+    sharp = shortest < 2.0 * np.sin(np.radians(SMALL_ANGLE)) * radius  # law of sines
+    maybe = np.flatnonzero(sharp | (radius > LARGE * sheet.spacing))
+    if not len(maybe):
+        return np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
+    place = shortest[maybe]
+    which = length[maybe].argmin(axis=1)
+    a = corner[maybe, which]
+    along = edges[maybe, which]
+    left = np.column_stack([-along[:, 1], along[:, 0]]) / place[:, None]
+    tall = np.sqrt(np.maximum(radius[maybe] ** 2 - 0.25 * place**2, 0.0))
+    opposite = corner[maybe, (which + 2) % 3] - a
+    obtuse = ((corner[maybe, (which + 2) % 3] - a - along) * opposite).sum(axis=1) < 0.0
+    tall = np.where(obtuse, -tall, tall)
+    off = a + 0.5 * along + left * np.minimum(tall, OFF_CENTRE * place)[:, None]
+    of = panel[triangles[maybe, 0]]
+    near, _ = cKDTree(points).query(off)
+    found, owner = [], []
+    for index in np.unique(of):
+        mine = np.flatnonzero(of == index)
+        spots = off[mine]
+        outline = sheet.outlines[index]
+        local = spacing_at(spots, outline, sheet.wanted[index], sheet.spacing)
+        good = inside(outline, spots) & (radius[maybe][mine] > 0.5 * local)
+        clear, _ = cKDTree(_rim_places(outline)).query(spots)
+        good &= clear > 0.5 * local
+        good &= near[mine] > 0.55 * local
+        kept: list[int] = []
+        for spot in np.flatnonzero(good)[np.argsort(-radius[maybe][mine][good], kind="stable")].tolist():
+            away = spots[kept] - spots[spot] if kept else np.full((1, 2), np.inf)
+            if (np.hypot(away[:, 0], away[:, 1]) > 0.8 * local[spot]).all():
+                kept.append(spot)
+        found.append(spots[kept])
+        owner.append(np.full(len(kept), index))
+    return np.concatenate(found), np.concatenate(owner)
+
+
+def _smoothed(points: Floats, triangles: Ints, rim: int) -> Floats:
+    """Inner vertices moved to the mean of their neighbours, round by round, where no triangle turns over."""
+    one, other = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    count = len(points)
+    degree = np.maximum(np.bincount(one, minlength=count), 1).astype(float)
+    smooth = points.copy()
+    for _ in range(SMOOTHING_ROUNDS):
+        before = smooth.copy()
+        for axis in range(2):
+            smooth[rim:, axis] = (np.bincount(one, before[other, axis], count) / degree)[rim:]
+        for _ in range(3):
+            turned = triangles[doubled_areas(smooth, triangles) <= 0.0].ravel()
+            if not len(turned):
+                break
+            smooth[turned] = before[turned]
+        else:
+            return before
+    return smooth
+
+
+def _improved(points: Floats, triangles: Ints, rim: int) -> Floats:
+    """Inner vertices of triangles with small angles moved to where the smallest angle about them is largest."""
+    least = angles_of(points, triangles).min(axis=1)
+    vertices = np.unique(triangles[least < IMPROVED])
+    vertices = vertices[vertices >= rim]
+    if not len(vertices):
+        return points
+    points = points.copy()
+    order = np.argsort(triangles.ravel(), kind="stable")
+    ranked = triangles.ravel()[order]
+    first, last = (np.searchsorted(ranked, vertices, side=side) for side in ("left", "right"))
+    for _ in range(SWEEPS):
+        for vertex, begin, end in zip(vertices.tolist(), first.tolist(), last.tolist(), strict=True):
+            star = order[begin:end]
+            around = triangles[star // 3]
+            turn = (star % 3)[:, None] + np.arange(3)
+            around = np.take_along_axis(around, turn % 3, axis=1)  # the vertex first
+            b, c = points[around[:, 1]], points[around[:, 2]]
+            reach = np.hypot(*(b - points[vertex]).T).min()
+            tried = points[vertex] + reach * _TRIED
+            points[vertex] = tried[_least_angles(tried, b, c).argmax()]
+    return points
+
+
+def _least_angles(tips: Floats, b: Floats, c: Floats) -> Floats:
+    """For each tip, shape [T, 2], the least cosine-ordered angle of its triangles over edges b-c, shape [S, 2] each.
+
+    Returns minus the largest cosine, so that more is better; worse than any angle where a triangle is turned over.
+    """
+    to_b, to_c, along = b - tips[:, None], c - tips[:, None], np.broadcast_to(c - b, (len(tips), *b.shape))
+    sides = [np.hypot(v[..., 0], v[..., 1]) for v in (to_b, to_c, along)]
+    tiny = 1e-300
+    at_tip = (to_b * to_c).sum(axis=2) / (sides[0] * sides[1] + tiny)
+    at_b = -(to_b * along).sum(axis=2) / (sides[0] * sides[2] + tiny)
+    at_c = (to_c * along).sum(axis=2) / (sides[1] * sides[2] + tiny)
+    turned = to_b[..., 0] * to_c[..., 1] - to_b[..., 1] * to_c[..., 0] <= 0.0
+    most = np.maximum(np.maximum(at_tip, at_b), at_c)
+    return -np.where(turned, 2.0, most).max(axis=1)

@@ -1,0 +1,250 @@
+"""Vertices along the outlines of all panels: as many on either side of a seam, closer where the cloth is narrow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.pattern.curve import Curve, Floats
+from warp_cloth.pattern.lattice import GRADE
+from warp_cloth.pattern.sewing import Piece, Seam
+from warp_cloth.pattern.specification import Panel, Pattern, Side, short
+
+Ints = NDArray[np.int64]
+
+NARROW = 1.3  # spacing over the width of a strip: a rectangle so cut in two has no angle below 37 degrees
+BEND = 0.15  # [rad] that an edge of the mesh may turn: with it areas and lengths keep to 0.1 %
+LONGER = 5e-4  # of a curve's length, by which its polygon may be longer in order to keep the area
+CLOSEST = 0.125  # of the asked spacing: no seam is finer, however narrow or bent the cloth is
+FACING = 0.5  # cosine between the inward normal and the way to a point beyond which it lies across the cloth
+OPEN = np.radians(4.0)  # least angle of a corner; less is opened, as cloth there is narrower than a thread
+REACH = 8  # vertices from a corner up to which edges that cross are parted
+ROUNDS = 2  # of passing spacings across seams and panels
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A panel's outline as vertices in the order of its loop."""
+
+    points: Floats  # [m], shape [n, 2]
+    spacing: Floats  # [m] wanted at each vertex, shape [n]
+    edges: tuple[int, ...]  # place in the panel of the edge that each vertex starts
+
+
+@dataclass(frozen=True, eq=False)
+class SewnOutlines:
+    """All outlines, and which of their vertices are one; vertices are (panel, place in the outline)."""
+
+    outlines: tuple[Outline, ...]
+    seams: tuple[tuple[int, Ints, int, Ints], ...]  # panel and vertices of either side, as they meet
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(eq=False)
+class _Run:
+    """A piece of an edge with samples at even fractions, at which the spacing is found."""
+
+    piece: Piece
+    curve: Curve
+    fractions: Floats  # of the whole edge, shape [m + 1]
+    points: Floats
+    spacing: Floats  # [m]
+
+    @property
+    def length(self) -> float:
+        return self.curve.length * (self.piece.high - self.piece.low)
+
+
+def sewn_outlines(pattern: Pattern, seams: Sequence[Seam], edge: float) -> SewnOutlines:
+    """Vertices about ``edge`` [m] apart on all outlines; either side of a seam is divided in the same ratios."""
+    runs, pairs = _runs(pattern, seams, edge)
+    by_panel = [[run for run in runs if run.piece.side.panel == index] for index in range(len(pattern.panels))]
+    near = [_near(panel, own, edge) for panel, own in zip(pattern.panels, by_panel, strict=True)]
+    for _ in range(ROUNDS):
+        for own, limits in zip(by_panel, near, strict=True):
+            _grade(own, limits)
+        for (one, other), seam in zip(pairs, seams, strict=True):
+            _share(one, other, seam.reverse)
+    divided: dict[int, Floats] = {}
+    for (one, other), seam in zip(pairs, seams, strict=True):
+        shares = _divided(one, 2 if not (one.curve.is_line and other.curve.is_line) else 1)
+        divided[id(one)], divided[id(other)] = shares, 1.0 - shares[::-1] if seam.reverse else shares
+    for run in runs:
+        if id(run) not in divided:
+            divided[id(run)] = _divided(run, 1 if run.curve.is_line else 2)
+    return _collected(pattern, by_panel, divided, pairs, seams)
+
+
+def _runs(pattern: Pattern, seams: Sequence[Seam], edge: float) -> tuple[list[_Run], list[tuple[_Run, _Run]]]:
+    """Runs of all edges in the order of the loops, and those of each seam."""
+    sewn: dict[Side, list[tuple[Piece, int, int]]] = {}
+    steps = []
+    for index, seam in enumerate(seams):
+        lengths = [pattern.panels[p.side.panel].edges[p.side.edge].curve.length * (p.high - p.low) for p in seam.pieces]
+        steps.append(max(4, int(np.ceil(max(lengths) / edge))))
+        for which, piece in enumerate(seam.pieces):
+            sewn.setdefault(piece.side, []).append((piece, index, which))
+    runs: list[_Run] = []
+    found: dict[tuple[int, int], _Run] = {}
+    for panel_index, panel in enumerate(pattern.panels):
+        for edge_index, drawn in enumerate(panel.edges):
+            side, curve = Side(panel_index, edge_index), drawn.curve
+            pieces = sorted(sewn.get(side, [(Piece(side), -1, 0)]), key=lambda each: each[0].low)
+            for piece, index, which in pieces:
+                count = steps[index] if index >= 0 else max(4, int(np.ceil(curve.length / edge)))
+                fractions = np.linspace(piece.low, piece.high, count + 1)
+                run = _Run(piece, curve, fractions, curve.at(fractions), np.full(count + 1, edge))
+                run.spacing = np.minimum(run.spacing, run.length / np.ceil(run.length / edge))
+                if not curve.is_line:
+                    bend = np.linalg.norm(curve.bends(fractions), axis=1)
+                    run.spacing = np.minimum(run.spacing, np.maximum(BEND / np.maximum(bend, 1e-9), 0.25 * edge))
+                found[index, which] = run
+                runs.append(run)
+    return runs, [(found[index, 0], found[index, 1]) for index in range(len(seams))]
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Samples of one panel: the spacing that its width allows, and pairs near enough to bear on each other's."""
+
+    allowed: Floats  # [m], shape [N]
+    pairs: Ints  # shape [M, 2]
+    apart: Floats  # [m], shape [M]
+
+
+def _near(panel: Panel, runs: Sequence[_Run], edge: float) -> _Near:
+    """What limits the spacing along a panel's outline, apart from its edges' lengths and bends."""
+    from scipy.spatial import cKDTree
+
+    points = np.concatenate([run.points for run in runs])
+    of = np.concatenate([np.full(len(run.points), run.piece.side.edge) for run in runs])
+    along = np.concatenate([np.gradient(run.points, axis=0) for run in runs])
+    inward = np.column_stack([-along[:, 1], along[:, 0]]) * np.sign(panel.area)
+    inward /= np.maximum(np.hypot(*inward.T), 1e-300)[:, None]
+    pairs = cKDTree(points).query_pairs((1.0 - CLOSEST) / GRADE * edge, output_type="ndarray").astype(np.int64)
+    pairs = np.concatenate([pairs, pairs[:, ::-1]])
+    one, other = pairs.T
+    way = points[other] - points[one]
+    apart = np.hypot(*way.T)
+    step = np.abs(of[one] - of[other])
+    count = len(panel.edges)
+    across = (np.minimum(step, count - step) > 1) & ((way * inward[one]).sum(axis=1) > FACING * apart)
+    width = np.full(len(points), np.inf)
+    np.minimum.at(width, one[across], apart[across])
+    return _Near(np.clip(NARROW * width, CLOSEST * edge, edge), pairs, apart)
+
+
+def _grade(runs: Sequence[_Run], near: _Near) -> None:
+    """Lets the spacing grow by no more than GRADE with the distance within a panel."""
+    spacing = np.minimum(np.concatenate([run.spacing for run in runs]), near.allowed)
+    graded = spacing.copy()
+    np.minimum.at(graded, near.pairs[:, 0], spacing[near.pairs[:, 1]] + GRADE * near.apart)
+    start = 0
+    for run in runs:
+        run.spacing = graded[start : start + len(run.points)]
+        start += len(run.points)
+
+
+def _share(one: _Run, other: _Run, reverse: bool) -> None:
+    """Gives both sides of a seam the finer spacing, relative to their lengths."""
+    there = other.spacing[::-1] if reverse else other.spacing
+    relative = np.minimum(one.spacing / one.length, there / other.length)
+    one.spacing, back = relative * one.length, relative * other.length
+    other.spacing = back[::-1] if reverse else back
+
+
+def _divided(run: _Run, fewest: int) -> Floats:
+    """Fractions of a piece, from 0 to 1, at which it has vertices."""
+    density = run.length / run.spacing
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))]) / (len(density) - 1)
+    count = max(fewest, int(np.ceil(total[-1] - 0.1)))
+    even = np.linspace(0.0, 1.0, len(density))
+    return np.interp(np.linspace(0.0, total[-1], count + 1), total, even)
+
+
+def _collected(
+    pattern: Pattern,
+    by_panel: Sequence[Sequence[_Run]],
+    divided: dict[int, Floats],
+    pairs: Sequence[tuple[_Run, _Run]],
+    seams: Sequence[Seam],
+) -> SewnOutlines:
+    outlines, vertices, notes = [], {}, []
+    for panel, runs in zip(pattern.panels, by_panel, strict=True):
+        points, spacing, edges, start = [], [], [], 0
+        total = sum(len(divided[id(run)]) - 1 for run in runs)
+        for run in runs:
+            shares = divided[id(run)]
+            points.append(_beside(run, shares)[:-1])
+            spacing.append(np.interp(shares, np.linspace(0, 1, len(run.spacing)), run.spacing)[:-1])
+            edges += [run.piece.side.edge] * (len(shares) - 1)
+            vertices[id(run)] = (start + np.arange(len(shares))) % total
+            start += len(shares) - 1
+        opened, told = _opened(panel, np.concatenate(points), edges)
+        notes += told
+        outlines.append(Outline(opened, np.concatenate(spacing), tuple(edges)))
+    sewn = []
+    for (one, other), seam in zip(pairs, seams, strict=True):
+        there = vertices[id(other)][::-1] if seam.reverse else vertices[id(other)]
+        sewn.append((one.piece.side.panel, vertices[id(one)], other.piece.side.panel, there))
+    return SewnOutlines(tuple(outlines), tuple(sewn), tuple(notes))
+
+
+def _beside(run: _Run, shares: Floats) -> Floats:
+    """Vertices beside a curve, so that the polygon through them has its length and encloses its area; shape [n + 1, 2].
+
+    A polygon that turns by a at each vertex of a circle of radius R is shorter than it by a^2 / 24 of its length, and
+    lies within it by R a^2 / 12 in the mean. Vertices moved outwards by half of that keep the length, by all of it
+    the area; they are moved by three quarters, but not so that the length grows by more than LONGER.
+    """
+    fractions = run.piece.low + shares * (run.piece.high - run.piece.low)
+    points = run.curve.at(fractions)
+    if run.curve.is_line or len(shares) < 3:
+        return points
+    step = 0.5 * run.length * (shares[2:] - shares[:-2])
+    bends = run.curve.bends(fractions[1:-1])
+    shift = np.zeros_like(points)
+    shift[1:-1] = -bends * (step**2 / 24)[:, None]
+    chords, moved = (float(np.hypot(*np.diff(p, axis=0).T).sum()) for p in (points, points + shift))
+    if moved - chords <= 1e-9 * run.length:
+        return points
+    turns = (bends**2).sum(axis=1) * step**2
+    wanted = run.length * (1.0 + min(LONGER, float(turns.mean()) / 48))
+    return np.asarray(points + shift * np.clip((wanted - chords) / (moved - chords), 0.0, 3.0))
+
+
+def _opened(panel: Panel, points: Floats, edges: Sequence[int]) -> tuple[Floats, list[str]]:
+    """The outline with its closed corners opened, and a note on each: edges that leave a corner side by side or cross.
+
+    Drafted curves often meet a line almost along it, and cross it by a fraction of a millimetre.
+    """
+    count, moved, notes = len(points), points.copy(), []
+    side = np.sign(panel.area)
+    corners = [i for i in range(count) if edges[i] != edges[i - 1]]
+    for corner in corners:
+        steps = range(1, min(REACH, count // 3) + 1)
+        ways = [[moved[(corner + sign * k) % count] - moved[corner] for k in steps] for sign in (1, -1)]
+        ahead, behind = (np.arctan2(*np.array(way).T[::-1]) for way in ways)
+        angle = (
+            np.mod(side * (behind - ahead) + OPEN, 2.0 * np.pi) - OPEN
+        )  # of the cloth, a little below 0 where crossed
+        if angle[0] >= OPEN:
+            continue
+        until = np.flatnonzero((angle >= OPEN) & (angle < np.pi))
+        if not len(until) or (angle[: until[0]] > OPEN).any():
+            continue
+        most = 0.0
+        for k in range(until[0]):
+            turn = 0.5 * side * (OPEN - angle[k])
+            for sign, way in ((1, ways[0][k]), (-1, ways[1][k])):
+                c, s = np.cos(-sign * turn), np.sin(-sign * turn)
+                to = moved[corner] + (c * way[0] - s * way[1], s * way[0] + c * way[1])
+                most = max(most, float(np.hypot(*(to - moved[(corner + sign * k + sign) % count]))))
+                moved[(corner + sign * (k + 1)) % count] = to
+        numbers = [panel.edges[edges[place]].number for place in (corner - 1, corner)]
+        told = f'panel "{short(panel.name)}", edges {numbers[0]} and {numbers[1]} touch or cross at their corner'
+        notes.append(f"{told}: opened by up to {1e3 * most:.2g} mm")
+    return moved, notes
