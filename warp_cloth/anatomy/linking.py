@@ -19,6 +19,7 @@ from warp_cloth.base.mesh import Indices, Points
 
 SLEEVED = tuple((arm,) for arm in ARMS)  # whom a sleeve is for
 SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most where its waist holds it
+FAR_TRUNK = 0.08  # of the body's span, from the middle of its openings: the trunk is not where its garment is
 FAR_SLEEVE = 0.3  # [m] above or below the shoulders: sleeves of any length begin nearer
 
 
@@ -122,19 +123,23 @@ class Wearing:
     def shift(self, points: Points) -> Points:
         """What moves a garment at ``points`` [m] onto the body that it starts beside [m], shape [3]; else 0.
 
-        Sideways and along, so that the trunk passes through the middle of its openings; up and down only where sleeves
-        are far from the shoulders, since where trousers or a dress begin is their designer's choice.
+        Across, so that the trunk passes through the middle of its openings, where it does not or is far from there; up
+        and down only where sleeves are far from the shoulders, since where trousers or a dress begin is their
+        designer's choice.
         """
         skeleton = self.skeleton
         wrong = {id(each.opening) for each in self.misplaced(points)}
         pairs = list(zip(self.openings, self.limbs, strict=True))
         trunk = [opening for opening, limbs in pairs if len(limbs) > 1 or limbs == (HEAD,)]
-        if not any(id(opening) in wrong for opening in trunk):
-            return np.zeros(3)
-        centres = np.array([points[opening.loop].mean(axis=0) for opening in trunk])
-        off = (skeleton.spine_at(centres) - centres).mean(axis=0)
-        shift: Points = off - skeleton.up * (off @ skeleton.up)
         sleeves = [points[opening.loop].mean(axis=0) for opening, limbs in pairs if limbs in SLEEVED]
+        shift = np.zeros(3)
+        if trunk:
+            centres = np.array([points[opening.loop].mean(axis=0) for opening in trunk])
+            off = (skeleton.spine_at(centres) - centres).mean(axis=0)
+            across = off - skeleton.up * (off @ skeleton.up)
+            is_far = float(np.linalg.norm(across)) > FAR_TRUNK * skeleton.span
+            if is_far or any(id(opening) in wrong for opening in trunk):
+                shift = shift + across
         if sleeves:
             up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)
             shift = shift + skeleton.up * (up if abs(up) > FAR_SLEEVE else 0.0)
