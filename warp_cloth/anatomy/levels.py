@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,6 +41,9 @@ class Level:
     trunk: int
 
 
+LevelAt = Callable[[float], Level | None]
+
+
 def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     """Chest, waist and hip of a body that stands along y, facing +z, with head and feet, arms apart from the trunk.
 
@@ -50,7 +54,7 @@ def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     if not STATURES[0] <= stature <= STATURES[1]:
         return None
     middle = 0.5 * float(low[0] + high[0])
-    found = trunk_levels(body, float(low[1]), stature, middle)
+    found = trunk_levels(lambda height: trunk_level(body, height, middle), float(low[1]), stature)
     good = tuple(level for level in found if GIRTHS[0] <= level.girth <= GIRTHS[1])
     legs = cut(body.points, body.triangles, float(low[1]) + 0.25 * stature).part_count >= 2
     neck = trunk_level(body, low[1] + NECK * stature, middle)
@@ -60,25 +64,24 @@ def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     return good if legs and headed and footed and len(good) == 3 else None
 
 
-def trunk_levels(body: Mesh, floor: float, stature: float, middle: float, top: float = np.inf) -> list[Level]:
+def trunk_levels(at: LevelAt, floor: float, stature: float, top: float = np.inf) -> list[Level]:
     """Chest, waist and hip of a trunk along y, facing +z, as far as they are found.
 
     Args:
-        body: with the arms apart from the trunk, or without arms.
+        at: the trunk's level at a height, without arms that are apart from it.
         floor: height that its feet would stand on [m].
         stature: that of the whole body [m].
-        middle: x of the plane between left and right [m].
         top: height above which the trunk is not measured [m], where that is known.
     """
     fractions = np.arange(HIP_RANGE[0], CHEST_RANGE[1] + 0.5 * STEP, STEP)
     fractions = fractions[floor + fractions * stature < top]
-    levels = [trunk_level(body, floor + fraction * stature, middle) for fraction in fractions]
+    levels = [at(float(floor + fraction * stature)) for fraction in fractions]
     # from the waist up, no higher than where the arms join
     end = len(fractions)
     waist_from = int(np.searchsorted(fractions, WAIST_RANGE[0]))
     for index in range(waist_from + 1, len(fractions)):
         below, here = levels[index - 1], levels[index]
-        if below is None or here is None or _width(here) > ARMS_JOIN * _width(below):
+        if below is None or here is None or width(here) > ARMS_JOIN * width(below):
             end = index
             break
 
@@ -92,18 +95,18 @@ def trunk_levels(body: Mesh, floor: float, stature: float, middle: float, top: f
     return [level for level in chosen if level is not None]
 
 
-def under_bust_level(body: Mesh, chest: Level, waist: Level, middle: float) -> Level | None:
+def under_bust_level(at: LevelAt, chest: Level, waist: Level) -> Level | None:
     """The level just below the breasts: where the girth falls farthest below an even change from chest to waist."""
     share = np.linspace(0.0, 1.0, BUST_STEPS + 1)[1:-1]
     heights = waist.height + share * (chest.height - waist.height)
-    levels = [trunk_level(body, float(height), middle) for height in heights]
+    levels = [at(float(height)) for height in heights]
     even = waist.girth + share * (chest.girth - waist.girth)
     below = [even[n] - level.girth if level is not None else -np.inf for n, level in enumerate(levels)]
     found = levels[int(np.argmax(below))]
     return None if found is None else replace(found, name="under_bust")
 
 
-def _width(level: Level) -> float:
+def width(level: Level) -> float:
     """Larger of the trunk's width and depth at a level [m]."""
     trunk = level.section.ends[level.section.part == level.trunk]
     return float(np.ptp(trunk.reshape(-1, 2), axis=0).max())

@@ -6,14 +6,14 @@ vertical round a trunk that stands, and to the bone round a limb, so that a body
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats, row_lengths
-from warp_cloth.anatomy.levels import CHEST_RANGE, Level, trunk_level, trunk_levels, under_bust_level
+from warp_cloth.anatomy.levels import CHEST_RANGE, Level, trunk_level, trunk_levels, under_bust_level, width
 from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, STEP, TRUNK, Skeleton, without_loose_parts
 from warp_cloth.anatomy.stance import ASTRIDE, STATURE, UPRIGHT, Bones, Stance, stance_of
 from warp_cloth.anatomy.tape import Plane, Tape, longest, part_of, shortest, tape_round
@@ -25,6 +25,7 @@ from warp_cloth.base.section import convex_hull
 WRISTS, ANKLES, CALVES = (0.09, 0.125), (0.12, 0.16), (0.17, 0.26)
 UPPER_ARM = 0.255
 NECK_TILTS = np.radians(np.arange(0.0, 41.0, 5.0))  # of the neck's tape, lower in front
+JOINED = 1.1  # times as wide as without arms: arms are part of the section
 CHEST_STEP = 0.01  # of the stature, between levels at which arms may join the trunk
 NECKS, NECK_STEP = (0.78, 0.89), 0.005  # of the stature: where the neck's narrowest level section is looked for
 NECK_SHIFTS = np.linspace(-0.015, 0.015, 7)  # of the stature, along the neck, from there
@@ -122,6 +123,11 @@ class Figure:
         return float((self.skeleton.spine @ self.frame[0]).mean())
 
     @cached_property
+    def whole(self) -> Mesh:
+        """The body in the frame."""
+        return Mesh(self.body.name, self.upright, self.body.triangles)
+
+    @cached_property
     def trunk(self) -> Mesh:
         """The body in the frame, without its arms."""
         arm = np.isin(self.skeleton.limb, (RIGHT_ARM, LEFT_ARM))
@@ -179,30 +185,33 @@ class Figure:
     @cached_property
     def levels(self) -> dict[str, Level]:
         """Levels of the trunk by name."""
-        chosen = trunk_levels(self.trunk, self.floor, self.stature, self.middle, self._arms_join)
+        chosen = trunk_levels(self.level_at, self.floor, self.stature, self._arms_join)
         found = {level.name: level for level in chosen}
         if "chest" in found and "waist" in found:
-            below = under_bust_level(self.trunk, found["chest"], found["waist"], self.middle)
+            below = under_bust_level(self.level_at, found["chest"], found["waist"])
             if below is not None:
                 found["under_bust"] = below
         return found
 
     @property
     def _arms_join(self) -> float:
-        """Height in the frame from which arms are part of the trunk's section [m]; infinite: above the chest, or below.
+        """Height in the frame from which arms are part of the trunk's section [m]; infinite: above the chest.
 
-        Arms that touch the trunk below the chest are taken off it by their vertices alone.
+        Arms that touch the trunk below the chest, too, are taken off it by their vertices alone.
         """
-        arm = np.isin(self.skeleton.limb, (RIGHT_ARM, LEFT_ARM))
-        whole = replace(self.trunk, triangles=self.body.triangles)
-        for number, fraction in enumerate(np.arange(CHEST_RANGE[0], CHEST_RANGE[1] + 0.5 * CHEST_STEP, CHEST_STEP)):
-            height = self.floor + float(fraction) * self.stature
-            level = trunk_level(whole, height, self.middle)
-            if level is not None:
-                faces = level.section.faces[level.section.part == level.trunk]
-                if arm[self.body.triangles[faces]].any():
-                    return height - 1e-9 if number else np.inf
-        return np.inf
+        heights = self.floor + self.stature * np.arange(CHEST_RANGE[0], CHEST_RANGE[1] + 0.5 * CHEST_STEP, CHEST_STEP)
+        joined = [self._joined(float(height)) for height in heights]
+        return float(heights[joined.index(True)]) - 1e-9 if any(joined) and not joined[0] else np.inf
+
+    def _joined(self, height: float) -> bool:
+        """Whether arms are part of the trunk's section at a height in the frame."""
+        whole, bare = (trunk_level(mesh, height, self.middle) for mesh in (self.whole, self.trunk))
+        return whole is None or bare is None or width(whole) > JOINED * width(bare)
+
+    def level_at(self, height: float) -> Level | None:
+        """The trunk's level at a height in the frame: its own section, or one from which joined arms are taken."""
+        mesh = self.trunk if self._joined(height) else self.whole
+        return trunk_level(mesh, height, self.middle)
 
     def _trunk(self) -> dict[str, Measure]:
         found: dict[str, Measure] = {}

@@ -27,7 +27,15 @@ from warp_cloth.scene.schema import Scene
 REMEDY = "give a table as .csv, .parquet or .toml, with the columns scene, name and scene keys such as garment.fabric"
 LARGEST_JOB_FILE = 200_000_000  # [bytes]; a million tables
 FILE_KEYS = ("mesh", "pattern", "grain_texture", "fabric")  # last names of keys whose values may name files
-AVATAR_KEYS = ("avatar=", "avatar.mesh", "avatar.prim", "avatar.units", "avatar.shape", "avatar.poses")
+AVATAR_KEYS = (
+    "avatar=",
+    "avatar.mesh",
+    "avatar.prim",
+    "avatar.units",
+    "avatar.shape",
+    "avatar.measures",
+    "avatar.poses",
+)
 PLAIN_NAME = re.compile(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}")
 INTEGER = re.compile(r"^([-+]?\d+)\.0+$")
 FRAME_INDEX = "__index_level_"  # prefix that pandas gives a data frame's index in a file

@@ -73,21 +73,41 @@ class _PosedStart:
 
 
 def start_posed(problem: Problem, cache: Cache) -> tuple[LevelRun, ...]:
-    """Moves a lone scene's garment to where it is sewn and worn by the avatar; returns the relaxation that this took.
+    """Moves a lone scene's garments to where they are sewn and worn by the avatar; returns the relaxations of each.
 
-    The same for all fabrics and frictions, so it is made once for each garment and avatar.
+    Each by itself, the same for all fabrics and frictions, so it is made once for each garment and avatar. Garments
+    that lie on each other are parted by the fit, inner to outer.
     """
     (scene,), (outfit,) = problem.scenes, problem.loaded
     device = problem.model.device
-    garment = outfit.garments[0]
-    sources = outfit.avatar, garment.points, garment.rest.topology
-    make = partial(_sewn_and_carried, scene, outfit, str(device))
-    start = cache.get_or_make(CACHE_NAME, sources, make, scene.solver.precision, scene.collision.cloth, device)
-    if start.points is not None:
-        problem.model.set_points(start.points)
-        if not problem.contact.covers(start.points):
-            problem.relaxation.set_collider(0, problem.contact.collider(start.points))
-    return (start.run,)
+    starts = []
+    for index, garment in enumerate(outfit.garments):
+        alone = _alone(scene, outfit, index)
+        sources = outfit.avatar, garment.points, garment.rest.topology
+        make = partial(_sewn_and_carried, *alone, str(device))
+        starts.append(
+            cache.get_or_make(CACHE_NAME, sources, make, scene.solver.precision, scene.collision.cloth, device)
+        )
+    parts = [start.points for start in starts if start.points is not None]
+    if len(parts) == len(starts):
+        points = np.concatenate(parts)
+        problem.model.set_points(points)
+        if not problem.contact.covers(points):
+            problem.relaxation.set_collider(0, problem.contact.collider(points))
+    return tuple(start.run for start in starts)
+
+
+def _alone(scene: Scene, outfit: Outfit, index: int) -> tuple[Scene, Outfit]:
+    """A scene with only one of its garments."""
+    one = slice(index, index + 1)
+    lone = replace(
+        outfit,
+        meshes=outfit.meshes[one],
+        garments=outfit.garments[one],
+        wearing=outfit.wearing[one],
+        predrape_garments=(),
+    )
+    return scene.model_copy(update={"garments": scene.garments[one]}), lone
 
 
 def _sewn_and_carried(scene: Scene, outfit: Outfit, device: str) -> _PosedStart:

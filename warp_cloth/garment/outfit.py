@@ -19,6 +19,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.grain import Grain
+from warp_cloth.garment.measured_body import measured_mannequin
 from warp_cloth.garment.mistaken import refuse_bodies
 from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.reading import read_again
@@ -26,14 +27,15 @@ from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry
 from warp_cloth.garment.rest_choice import choose_rest
 from warp_cloth.loading import Placement, check_sizes, load_mesh, load_poses, without_area
 from warp_cloth.pattern import load_pattern
-from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
+from warp_cloth.scene import AvatarSpec, BodyMeasures, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.scene.predrape import predrape_scene_of
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
 FABRIC_KEYS = {"fabric", "pin", "name"}  # keys of a garment that its rest geometry does not depend on
 # keys of a garment or an avatar that its mesh depends on
 MESH_KEYS = {
-    *("mesh", "pattern", "edge_mm", "shape", "prim", "units", "up", "translate", "rotate", "scale", "rest", "uv_units")
+    *("mesh", "pattern", "edge_mm", "shape", "measures", "prim", "units", "up", "translate", "rotate", "scale"),
+    *("rest", "uv_units"),
 }
 
 T = TypeVar("T")
@@ -273,8 +275,10 @@ def _directory(scene: Scene) -> str:
     return str(scene.directory.absolute())
 
 
-def _body(scene: Scene) -> MannequinMeasures | None:
-    """The mannequin that generated garments are placed round."""
+def _body(scene: Scene) -> MannequinMeasures | BodyMeasures | None:
+    """The mannequin that generated garments are placed round, or the measures that one is made to have."""
+    if scene.avatar is not None and scene.avatar.measures is not None:
+        return scene.avatar.measures
     worn_by = scene.avatar.shape if scene.avatar is not None else None
     return mannequin_measures(worn_by) if isinstance(worn_by, MannequinShape) else None
 
@@ -336,9 +340,11 @@ def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tu
     return rest, pins
 
 
-def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None, drafts: Cache) -> Mesh:
+def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | BodyMeasures | None, drafts: Cache) -> Mesh:
     placement = Placement(spec.translate, spec.rotate, spec.scale)
     if spec.mesh is None:
+        if isinstance(body, BodyMeasures):
+            body = measured_mannequin(body, drafts)[0]
         if spec.pattern is not None:
             mesh = load_pattern(spec.pattern, edge=spec.edge)
         else:
@@ -364,4 +370,6 @@ def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None, d
 def _avatar_mesh(spec: AvatarSpec, drafts: Cache) -> Mesh:
     if spec.mesh is not None:
         return load_mesh(spec.mesh, role="avatar", key="avatar", prim=spec.prim, units=spec.units, up=spec.up)
+    if spec.measures is not None:
+        return measured_mannequin(spec.measures, drafts)[1]
     return build_avatar(spec.shape, cache=drafts)

@@ -112,9 +112,9 @@ class Ended:
 def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Attempt:
     """What a scene is fitted with first; ``may_pose``: with the avatar posed, where the garments start badly on it."""
     if may_pose and _may_pose(scene, outfit):
-        (wearing,) = outfit.wearing
-        if wearing is not None and wearing.start_fault:
-            return _posed(scene, outfit, wearing.start_fault)
+        fault = next((each.start_fault for each in outfit.wearing if each is not None and each.start_fault), "")
+        if fault:
+            return _posed(scene, outfit, fault)
     touches, why = _first_contact(scene, outfit)
     stated = scene.solver.method
     method = "accelerated" if stated == "auto" else stated
@@ -190,11 +190,11 @@ def _may_have_levels(stated: Scene) -> bool:
 
 
 def _may_pose(stated: Scene, outfit: Outfit) -> bool:
-    """Whether the avatar may be posed within the garment: one that is sewn, free of pins, with openings for limbs."""
-    if stated.solver.start != "auto" or stated.solver.method == "direct" or len(outfit.garments) != 1:
+    """Whether the avatar may be posed within the garments: all free of pins, and with openings for limbs."""
+    if stated.solver.start != "auto" or stated.solver.method == "direct" or not outfit.wearing:
         return False
-    (garment,), (wearing,) = outfit.garments, outfit.wearing
-    return wearing is not None and garment.rest.source.kind == "uv" and not len(garment.pins)
+    pairs = zip(outfit.garments, outfit.wearing, strict=True)
+    return all(wearing is not None and not len(garment.pins) for garment, wearing in pairs)
 
 
 def _first_contact(scene: Scene, outfit: Outfit) -> tuple[bool, str]:

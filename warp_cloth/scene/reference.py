@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.scene.messages import bare_annotation
 from warp_cloth.scene.schema import CollisionSpec, Scene, SolverSpec
-from warp_cloth.scene.shapes import MannequinShape, SphereShape, SquareShape, TshirtShape
+from warp_cloth.scene.shapes import BodyMeasures, MannequinShape, SphereShape, SquareShape, TshirtShape
 from warp_cloth.scene.wearables import AvatarSpec, GarmentSpec, PinSpec, Wearable
 
 TABLES: tuple[tuple[str, type[BaseModel]], ...] = (
@@ -25,6 +25,7 @@ TABLES: tuple[tuple[str, type[BaseModel]], ...] = (
     ("avatar", AvatarSpec),
     ("avatar.shape", SphereShape),
     ("avatar.shape", MannequinShape),
+    ("avatar.measures", BodyMeasures),
     ("collision", CollisionSpec),
     ("solver", SolverSpec),
 )

@@ -83,5 +83,14 @@ class MannequinShape(Table):
     )
 
 
+class BodyMeasures(Table):
+    """Stated measures of a person: a mannequin has them when it is measured; the rest is the likeliest."""
+
+    stature: Real | None = Field(default=None, ge=1.2, le=2.3, description="Body height [m].")
+    chest: Real | None = Field(default=None, ge=0.7, le=1.5, description="Bust or chest girth, the fullest [m].")
+    waist: Real | None = Field(default=None, ge=0.5, le=1.5, description="Girth of the natural waist [m].")
+    hip: Real | None = Field(default=None, ge=0.7, le=1.6, description="Hip girth, the fullest [m].")
+
+
 GarmentShape = Annotated[SquareShape | TshirtShape, Field(discriminator="kind")]
 AvatarShape = Annotated[SphereShape | MannequinShape, Field(discriminator="kind")]

@@ -14,7 +14,7 @@ from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
 from warp_cloth.material.fabric import Fabric, resolve_fabric
 from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.paths import checked_name, directory_of, path_from
-from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Table, VertexId
+from warp_cloth.scene.shapes import AvatarShape, BodyMeasures, GarmentShape, Point, Real, Table, VertexId
 
 RestShape = Literal["auto", "mesh", "uv", "physics"]
 RestAngles = Literal["flat", "mesh", "physics"]
@@ -235,6 +235,9 @@ class AvatarSpec(Wearable):
     """The body that wears the garments; with poses, it moves and the garments follow."""
 
     shape: AvatarShape | None = Field(default=None, description="A generated avatar instead of a mesh; keys below.")
+    measures: BodyMeasures | None = Field(
+        default=None, description="A person's measures instead of a mesh: a mannequin that has them; keys below."
+    )
     poses: tuple[Path, ...] | Literal["samples"] = Field(
         default=(),
         description="Later poses: mesh files of the same topology, in order, or the time samples of the USD mesh.",
@@ -257,8 +260,12 @@ class AvatarSpec(Wearable):
 
     @model_validator(mode="after")
     def _source(self) -> AvatarSpec:
-        self._check_one_source({"shape": self.shape}, 'or shape = {kind = "sphere" or "mannequin"}')
-        if self.shape is not None and self.poses:
+        if self.shape is not None and self.measures is not None:
+            raise refusal("shape and measures are both given", "give one of them", below="measures")
+        if self.measures is not None and not self.measures.model_dump(exclude_none=True):
+            raise refusal("no measure is stated", "give stature, chest, waist or hip [m]", below="measures")
+        self._check_one_source({"shape": self.shape or self.measures}, 'or shape = {kind = "sphere" or "mannequin"}')
+        if self.mesh is None and self.poses:
             raise refusal("poses are for a mesh file, but a shape is given", "remove them", below="poses")
         return self
 

@@ -18,6 +18,7 @@ __all__ = [
     "MannequinMeasures",
     "build_avatar",
     "build_garment",
+    "build_mannequin",
     "mannequin",
     "mannequin_measures",
     "sphere",
@@ -48,9 +49,13 @@ def build_avatar(shape: Any, *, cache: Cache | None = None) -> Mesh:
     if shape.kind == "sphere":
         return sphere(radius=shape.radius, centre=shape.centre, edge=shape.edge_mm / 1000)
     if shape.kind == "mannequin":
-        measures, cache = mannequin_measures(shape), cache or Cache()
-        return cache.get_or_make("mannequin", (), partial(mannequin, measures, cache=cache), measures)
+        return build_mannequin(mannequin_measures(shape), cache or Cache())
     raise InputError("avatar.shape", f"kind {shape.kind!r} is unknown", 'use "sphere" or "mannequin"')
+
+
+def build_mannequin(measures: MannequinMeasures, cache: Cache) -> Mesh:
+    """The mannequin with these measures, from the cache where it is known."""
+    return cache.get_or_make("mannequin", (), partial(mannequin, measures, cache=cache), measures)
 
 
 def mannequin_measures(shape: Any) -> MannequinMeasures:
