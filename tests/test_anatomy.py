@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import EdgeGraph, level_lines
 from warp_cloth.anatomy.linking import Wearing, curve_crossings, limbs_through
-from warp_cloth.anatomy.openings import LEGS
+from warp_cloth.anatomy.openings import LEGS, limbs_for
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, RIGHT_LEG, TRUNK, Skeleton, skeleton_of
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
@@ -126,3 +126,13 @@ def test_a_tshirt_beside_its_body_has_limbs_outside_their_openings(
     points = garment.points + np.array(shift)
     assert wearing.misplaced(points) or wearing.pierced(points)
     assert Wearing.of(wearing.openings, points, wearing.triangles, wearing.skeleton).start_fault != ""
+
+
+def test_sleeves_that_hang_lower_than_the_hem_are_for_arms(tshirt: Outfit) -> None:
+    (wearing,) = tshirt.wearing
+    assert wearing is not None
+    lower = wearing.start.copy()
+    for opening, limbs in zip(wearing.openings, wearing.limbs, strict=True):
+        if limbs in ((RIGHT_ARM,), (LEFT_ARM,)):
+            lower[opening.loop] -= 0.6 * wearing.skeleton.up
+    assert limbs_for(wearing.openings, lower, wearing.skeleton) == list(wearing.limbs)

@@ -20,6 +20,7 @@ from warp_cloth.base.mesh import Indices, Points
 SLEEVED = tuple((arm,) for arm in ARMS)  # whom a sleeve is for
 SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most where its waist holds it
 FAR_TRUNK = 0.08  # of the body's span, from the middle of its openings: the trunk is not where its garment is
+FAR_WAIST = 0.25  # [m] above or below the waist: low trousers and high skirts begin nearer
 FAR_SLEEVE = 0.3  # [m] above or below the shoulders: sleeves of any length begin nearer
 
 
@@ -97,13 +98,14 @@ class Wearing:
         """Whether neither the head nor an arm has an opening."""
         return not any(set(limbs) & {HEAD, *ARMS} for limbs in self.limbs)
 
-    @property
+    @cached_property
     def too_high(self) -> float:
-        """How far above the shoulders sleeves start, as for a taller body, or one that stands [m]; 0: they do not."""
+        """How far above its place on the body it starts, as for one who is taller, or stands [m]; 0: it does not."""
         up = self.skeleton.up
         pairs = zip(self.openings, self.limbs, strict=True)
         sleeves = [float(self.start[opening.loop].mean(axis=0) @ up) for opening, limbs in pairs if limbs in SLEEVED]
-        return max(float(np.mean(sleeves)) - float(self.skeleton.shoulders @ up), 0.0) if sleeves else 0.0
+        above = float(np.mean(sleeves)) - float(self.skeleton.shoulders @ up) if sleeves else 0.0
+        return max(above, -float(self.shift(self.start) @ up), 0.0)
 
     def drop(self, points: Points) -> float:
         """How far the opening that starts highest has come down, with the garment at ``points`` [m]."""
@@ -114,7 +116,7 @@ class Wearing:
 
     def sunk(self, points: Points) -> bool:
         """Whether a garment that hangs from the waist has slid down it, at ``points`` [m]."""
-        return self.hangs_from_waist and self.drop(points) > SUNK * self.skeleton.span
+        return self.hangs_from_waist and self.drop(points) - self.too_high > SUNK * self.skeleton.span
 
     def misplaced(self, points: Points) -> list[Misplaced]:
         """The openings that the wrong limbs pass through, with the garment at ``points`` [m]."""
@@ -143,6 +145,10 @@ class Wearing:
         if sleeves:
             up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)
             shift = shift + skeleton.up * (up if abs(up) > FAR_SLEEVE else 0.0)
+        elif self.hangs_from_waist:
+            heights = [float((points[opening.loop].mean(axis=0) - skeleton.middle) @ skeleton.up) for opening in trunk]
+            up = -max(heights, default=0.0)
+            shift = shift + skeleton.up * (up if abs(up) > FAR_WAIST else 0.0)
         return shift
 
     def pierced(self, points: Points) -> Limbs:

@@ -15,6 +15,7 @@ from warp_cloth.base.topology import Topology
 NARROWEST = 0.09  # [m]; the girth of a child's cuff. A shorter loop is a buttonhole
 RINGS = 4  # of cloth behind an opening, where the cloth is a tube: a hand may end within a sleeve
 LATERAL = 0.045  # of the body's span, from its middle: an opening farther off is for one limb
+HEM = 0.7  # girth of a hem over a sleeve's, at least; a keyhole is smaller
 BESIDE = 0.08  # of the body's span: a garment that is farther to one side is beside the body
 
 LEGS, ARMS = (RIGHT_LEG, LEFT_LEG), (RIGHT_ARM, LEFT_ARM)
@@ -66,8 +67,9 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
     """Which limbs each opening is for, by where it lies on the body; ``points``: the garment's as it starts [m].
 
     Of openings on one side the lower of two is for the leg; a single one is for the leg if nothing opens below it in
-    the middle. In the middle, the highest opening above sleeves is for the head; others are for both legs, but a cape,
-    which opens above the shoulders and has no sleeves, hangs from the head's opening alone.
+    the middle, nor are there a neckline and a hem, as sleeves hang lower than a short one. In the middle, the highest
+    opening above sleeves is for the head; others are for both legs, but a cape, which opens above the shoulders and has
+    no sleeves, hangs from the head's opening alone.
     """
     centres = np.array([points[opening.loop].mean(axis=0) for opening in openings]) - skeleton.middle
     across, up = centres @ skeleton.left, centres @ skeleton.up
@@ -86,7 +88,8 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
             found |= {beside[0]: (arm,), beside[-1]: (leg,)}
         elif beside:
             below = any(up[n] < up[beside[0]] for n in in_middle)
-            found[beside[0]] = (arm,) if below else (leg,)
+            wide = [n for n in in_middle if openings[n].girth > HEM * openings[beside[0]].girth]
+            found[beside[0]] = (arm,) if below or len(wide) > 1 else (leg,)
     sleeves = {limbs[0] for limbs in found.values()} & set(ARMS)
     in_middle.sort(key=lambda n: -up[n])
     shoulders = float((skeleton.shoulders - skeleton.middle) @ skeleton.up)

@@ -59,7 +59,8 @@ FALLING = 3000  # iterations at most
 SLOW = 0.01  # [m] in CHECK iterations
 SLEEVE = 0.3  # [m] from an arm's opening; cloth farther off that the arm meets is no sleeve
 PIXEL = 0.006  # [m] of the body's layers; with 4 mm a start takes twice as long
-OFFSET = 0.003  # [m]
+OFFSET = 0.003  # [m] of the innermost garment
+LAYER = 0.006  # [m] that each further garment is farther out
 MARGIN = 0.06  # [m] around the garment, within which the body is drawn
 CACHE_NAME = "posed"
 
@@ -84,9 +85,9 @@ def start_posed(problem: Problem, cache: Cache) -> tuple[LevelRun, ...]:
     for index, garment in enumerate(outfit.garments):
         alone = _alone(scene, outfit, index)
         sources = outfit.avatar, garment.points, garment.rest.topology
-        make = partial(_sewn_and_carried, *alone, str(device))
+        make = partial(_sewn_and_carried, *alone, str(device), OFFSET + index * LAYER)
         starts.append(
-            cache.get_or_make(CACHE_NAME, sources, make, scene.solver.precision, scene.collision.cloth, device)
+            cache.get_or_make(CACHE_NAME, sources, make, index, scene.solver.precision, scene.collision.cloth, device)
         )
     parts = [start.points for start in starts if start.points is not None]
     if len(parts) == len(starts):
@@ -110,8 +111,8 @@ def _alone(scene: Scene, outfit: Outfit, index: int) -> tuple[Scene, Outfit]:
     return scene.model_copy(update={"garments": scene.garments[one]}), lone
 
 
-def _sewn_and_carried(scene: Scene, outfit: Outfit, device: str) -> _PosedStart:
-    dressing = _Dressing(scene, outfit, device)
+def _sewn_and_carried(scene: Scene, outfit: Outfit, device: str, offset: float) -> _PosedStart:
+    dressing = _Dressing(scene, outfit, device, offset)
     dressing.sew()
     if dressing.hangs_from_waist:
         dressing.lift()
@@ -129,22 +130,22 @@ def _sewn_and_carried(scene: Scene, outfit: Outfit, device: str) -> _PosedStart:
 class _Dressing:
     """A garment that is sewn round the posed avatar and carried home."""
 
-    def __init__(self, scene: Scene, outfit: Outfit, device: str) -> None:
+    def __init__(self, scene: Scene, outfit: Outfit, device: str, offset: float) -> None:
         (wearing,), avatar = outfit.wearing, outfit.avatar
         if wearing is None or avatar is None:
             raise ValueError("the garment has no openings, or the avatar no limbs")
         self._wearing, self._avatar, self._device = wearing, avatar, device
-        sewing = _sewing_scene(scene)
+        sewing = _sewing_scene(scene, offset)
         (garment,) = garments_in(sewing, outfit.meshes)
-        self._start = garment.points + wearing.shift(garment.points)
-        garment = replace(garment, points=self._start)
+        self._shift = wearing.shift(garment.points)
+        garment = replace(garment, points=garment.points + self._shift)
         self._body = PosedBody(avatar, wearing.skeleton)
         self._posed = curves_of(limb_routes(wearing, garment.points), wearing.skeleton, STATIONS)
         self._surface = self._body.points(self._posed, THIN)
         sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
         self._problem = build_problem([sewing], [sewn], device, attempts=[attempt])
-        self._collider = _BodyCollider(avatar.triangles, device)
+        self._collider = _BodyCollider(avatar.triangles, device, offset)
         self._meet_body()
         self._iterations = 0
 
@@ -185,7 +186,7 @@ class _Dressing:
         Seams that close draw a wide skirt together, and what falls is too heavy for a waist to hold.
         """
         up, points = self._wearing.skeleton.up, self._points
-        self._problem.model.set_points(points + self._wearing.drop(points) * up)
+        self._problem.model.set_points(points + (self._wearing.drop(points) + self._shift @ up) * up)
         self._meet_body()
 
     def fall(self) -> None:
@@ -252,7 +253,7 @@ class _Dressing:
             problem.schedule.advance(self._iterations)
 
 
-def _sewing_scene(scene: Scene) -> Scene:
+def _sewing_scene(scene: Scene, offset: float) -> Scene:
     """The scene in the fabric that is sewn."""
     avatar = scene.avatar
     solver = SolverSpec(
@@ -267,7 +268,7 @@ def _sewing_scene(scene: Scene) -> Scene:
             "name": "sewing",
             "garments": tuple(spec.model_copy(update={"fabric": FABRIC}) for spec in scene.garments),
             "avatar": None if avatar is None else avatar.model_copy(update={"friction": FRICTION}),
-            "collision": scene.collision.model_copy(update={"avatar": "depth"}),
+            "collision": scene.collision.model_copy(update={"avatar": "depth", "offset_mm": 1e3 * offset}),
             "solver": solver,
         }
     )
@@ -276,8 +277,8 @@ def _sewing_scene(scene: Scene) -> Scene:
 class _BodyCollider:
     """Colliders of a body that moves, drawn in layers since limbs lie before each other; the last one is kept."""
 
-    def __init__(self, triangles: Indices, device: str) -> None:
-        self._triangles, self._device = triangles, device
+    def __init__(self, triangles: Indices, device: str, offset: float) -> None:
+        self._triangles, self._device, self._offset = triangles, device, offset
         self._built: list[FieldBuild] = []
 
     def of(self, surface: Points, cloth: Points) -> Collider:
@@ -287,4 +288,4 @@ class _BodyCollider:
         buffers = build_layered_buffers(surface, self._triangles, lower, upper, PIXEL, self._device)
         field = build_contact_field(buffers, reach=DEFAULT_REACH)
         self._built = [*self._built[-1:], field]  # the one before is in use until the new one is set
-        return Collider(field_contact, field.limited_to(OFFSET, 0.0), ContactField)
+        return Collider(field_contact, field.limited_to(self._offset, 0.0), ContactField)

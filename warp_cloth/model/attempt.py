@@ -111,7 +111,8 @@ class Ended:
 
 def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Attempt:
     """What a scene is fitted with first; ``may_pose``: with the avatar posed, where the garments start badly on it."""
-    if may_pose and _may_pose(scene, outfit):
+    are_panels = all(garment.rest.source.kind == "uv" for garment in outfit.garments)
+    if may_pose and are_panels and _may_pose(scene, outfit):
         fault = next((each.start_fault for each in outfit.wearing if each is not None and each.start_fault), "")
         if fault:
             return _posed(scene, outfit, fault)
@@ -220,6 +221,8 @@ def _levels(stated: Scene, begins_after: int | None) -> Attempt:
 
 def _posed(stated: Scene, outfit: Outfit, why: str) -> Attempt:
     touches, why_contact = _first_contact(stated, outfit)
+    if stated.collision.cloth == "auto" and not touches:
+        touches, why_contact = True, "the avatar moves within the garment"
     method = "accelerated" if stated.solver.method == "auto" else stated.solver.method
     attempt = _attempt(
         stated, method, touches, why_contact, "its iterations are the cheapest", None, last=not _may_have_levels(stated)
