@@ -126,8 +126,8 @@ class Wearing:
         """What moves a garment at ``points`` [m] onto the body that it starts beside [m], shape [3]; else 0.
 
         Across, so that the trunk passes through the middle of its openings, where it does not or is far from there; up
-        and down only where sleeves are far from the shoulders, since where trousers or a dress begin is their
-        designer's choice.
+        and down only where sleeves are far from the shoulders, or a waist is far from the body's and not round its
+        trunk, since where trousers or a dress begin is their designer's choice.
         """
         skeleton = self.skeleton
         wrong = {id(each.opening) for each in self.misplaced(points)}
@@ -135,17 +135,18 @@ class Wearing:
         trunk = [opening for opening, limbs in pairs if len(limbs) > 1 or limbs == (HEAD,)]
         sleeves = [points[opening.loop].mean(axis=0) for opening, limbs in pairs if limbs in SLEEVED]
         shift = np.zeros(3)
+        is_wrong = any(id(opening) in wrong for opening in trunk)
         if trunk:
             centres = np.array([points[opening.loop].mean(axis=0) for opening in trunk])
             off = (skeleton.spine_at(centres) - centres).mean(axis=0)
             across = off - skeleton.up * (off @ skeleton.up)
             is_far = float(np.linalg.norm(across)) > FAR_TRUNK * skeleton.span
-            if is_far or any(id(opening) in wrong for opening in trunk):
+            if is_far or is_wrong:
                 shift = shift + across
         if sleeves:
             up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)
             shift = shift + skeleton.up * (up if abs(up) > FAR_SLEEVE else 0.0)
-        elif self.hangs_from_waist:
+        elif self.hangs_from_waist and is_wrong:
             heights = [float((points[opening.loop].mean(axis=0) - skeleton.middle) @ skeleton.up) for opening in trunk]
             up = -max(heights, default=0.0)
             shift = shift + skeleton.up * (up if abs(up) > FAR_WAIST else 0.0)
