@@ -77,11 +77,12 @@ class Wearable(Table):
     )
     units: LengthUnit | None = Field(
         default=None,
-        description="Length unit of the mesh file; by default as the file states, else guessed and reported.",
+        description="Length unit of the mesh file; by default as the file states, else as its size and the body show.",
     )
 
     up: UpAxis | None = Field(
-        default=None, description="Up axis of an .obj, .ply or .stl file, which cannot state it; by default y."
+        default=None,
+        description="Up axis of an .obj, .ply or .stl file, which cannot state it; by default y, or as the body shows.",
     )
 
     @field_validator("mesh", mode="plain")
