@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,7 @@ from pxr import Usd, UsdGeom
 from quick import SMALL, hanging, quick
 
 import warp_cloth
+from warp_cloth.base.clock import STAGES
 from warp_cloth.base.errors import InputError
 from warp_cloth.export import preview
 from warp_cloth.fitting.fit import Fit, Progress
@@ -79,7 +83,7 @@ KINDS: dict[str, Any] = {
     "edges": int,
     "hinges": int,
     "iterations": int,
-    "seconds": dict.fromkeys(("load", "compile", "build", "relax", "export"), float),
+    "seconds": dict.fromkeys(STAGES, float),
     "iterations_per_second": float,
     "device": str,
     "precision": str,
@@ -283,3 +287,21 @@ def test_fits_of_several_threads_wait_for_one_another() -> None:
     with ThreadPoolExecutor(3) as pool:
         fits = list(pool.map(lambda _: quick("hanging", *SMALL, "solver.iterations=60"), range(3)))
     assert all(np.array_equal(each.garments[0].points, alone) for each in fits)
+
+
+def test_seconds_of_a_command_add_up_to_its_wall_time(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "warp_cloth", "fit", "hanging", "--device", "cpu", "--out", str(tmp_path)]
+    words += ["--set", "solver.iterations=20"]
+    began = time.perf_counter()
+    subprocess.run(words, capture_output=True, check=False)
+    wall = time.perf_counter() - began
+    seconds = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))["seconds"]
+    assert list(seconds) == list(STAGES)
+    assert all(spent >= 0.0 for spent in seconds.values())
+    assert min(seconds[stage] for stage in ("import", "load", "build", "relax", "picture")) > 0.0
+    assert 0.8 * wall < sum(seconds.values()) < wall + 0.02  # the start is known to 10 ms
+
+
+def test_the_time_of_a_predrape_is_its_own() -> None:
+    fitted = quick("tshirt", "garment.shape.edge_mm=60", "solver.start=dressed", "solver.iterations=20")
+    assert fitted.report["seconds"]["dress"] > 0.0

@@ -13,8 +13,8 @@ import time
 import warp as wp
 from measured import Figures, add_write_option
 
+from warp_cloth.base.clock import StageClock
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.problem import collider_updates, load_problem, tolerance_of
 from warp_cloth.scene import load_scene

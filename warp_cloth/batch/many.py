@@ -12,6 +12,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.base.cache import Cache
+from warp_cloth.base.clock import StageClock
 from warp_cloth.base.device import device_named
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import one_thread_at_a_time
@@ -20,7 +21,6 @@ from warp_cloth.batch.loading import LoadCache
 from warp_cloth.batch.memory import MemoryNeed, available_bytes, grouped_by_avatar, memory_need, split_to_fit
 from warp_cloth.batch.warm_kernels import load_kernels
 from warp_cloth.fitting.attempts import Course, finished_runs, relax_alone, relax_problem, tried_further
-from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.fitting.predrape import build_predrape, prepare_start, start_predraped
@@ -143,11 +143,12 @@ def _fit_together(
     """Relaxes scenes of one kind together."""
     clock = StageClock()
     problem = build_problem(scenes, outfits, device, cache=cache, clock=clock)
-    predrape = build_predrape(problem, cache)
+    predrape = build_predrape(problem, cache, clock)
     clock.lap("build")
     # without the lease: a few garments leave a GPU idle most of the time, for the process that has it
-    placed = [prepare_start(problem, cache)] * len(scenes) if predrape is None else []
+    placed = [prepare_start(problem, cache, clock)] * len(scenes) if predrape is None else []
     levels = placed if predrape is None else start_predraped(problem, predrape)
+    clock.lap("dress")
     for item in range(len(scenes)):
         if not lease.taken():
             break
@@ -156,7 +157,8 @@ def _fit_together(
         outcomes = relax_problem(problem, lease.release_early)
     clock.lap("relax")
     firsts = finished_runs(problem, outcomes, levels)
-    begin = partial(prepare_start, cache=cache)
+    clock.lap("measure")
+    begin = partial(prepare_start, cache=cache, clock=clock)
     courses = [tried_further(first, begin, relax_alone, cache=cache, clock=clock) for first in firsts]
     here = [course.best is first for course, first in zip(courses, firsts, strict=True)]
     of_problem = [

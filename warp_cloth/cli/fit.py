@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from warp_cloth.base.clock import command_clock
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device, FabricName, On
@@ -22,8 +23,6 @@ from warp_cloth.cli.terminal import BAD_INPUT, one_line_errors, output_folder
 
 if TYPE_CHECKING:
     from warp_cloth.cli.fit_progress import ProgressDisplay
-    from warp_cloth.fitting.fit import Fit
-    from warp_cloth.scene import Scene
 
 NOT_WORN = 3  # exit status where something was written that is not worn
 LARGEST_EASE = 200.0  # [cm]; a tent has less
@@ -72,22 +71,32 @@ def fit(
     warp-cloth fit stage.usda --set garment.prim=/World/shirt --set avatar.prim=/World/body
     """
     with one_line_errors("on", "fabric"):
+        clock = command_clock()
         from warp_cloth.export.formats import check_inputs_kept, chosen_formats
         from warp_cloth.maps.kinds import chosen_colour, chosen_maps
         from warp_cloth.scene import load_scene
 
+        clock.lap("import")
         suffixes = chosen_formats(formats)
         map_names = chosen_maps(maps, place="--maps")
         colour_map = chosen_colour(colour, place="--colour")
         chosen = load_scene(scene, changes or (), on=on, fabric=fabric)
         check_inputs_kept(chosen, out, suffixes)
+        clock.lap("load")
         with output_folder(out, chosen.name):
-            start_warp(verbose)
+            from warp_cloth.export.save import save_fit
+            from warp_cloth.fitting.fit import fit as run
+
             with _display() as display:
-                worn = _fit(chosen, device, frames, (*map_names, colour_map), start, display)
+                clock.lap("import")
+                start_warp(verbose)
+                clock.lap("warp")
+                all_maps = (*map_names, colour_map)
+                worn = run(chosen, device=device, frames=frames, maps=all_maps, start=start, progress=display)
+                clock.add_to(worn.report["seconds"])
                 worn.report["made"] = {"command": shlex.join(["warp-cloth", *sys.argv[1:]]), "date": _now()}
                 display.begin("export")
-                paths = worn.save(out, colour=colour_map, formats=suffixes)
+                paths = save_fit(worn, out, colour=colour_map, formats=suffixes)
     for line in summary(chosen.name, worn.report, paths):
         typer.echo(line)
     if not worn.worn:
@@ -105,14 +114,6 @@ def _display() -> ProgressDisplay:
     from warp_cloth.cli.fit_progress import ProgressDisplay
 
     return ProgressDisplay(Console(stderr=True))
-
-
-def _fit(
-    scene: Scene, device: str | None, frames: int, maps: Sequence[str], start: Path | None, display: ProgressDisplay
-) -> Fit:
-    from warp_cloth.fitting.fit import fit as run
-
-    return run(scene, device=device, frames=frames, maps=maps, start=start, progress=display)
 
 
 def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str]:

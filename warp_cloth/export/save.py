@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from warp_cloth.base.clock import StageClock
 from warp_cloth.base.threads import one_thread_at_a_time
 from warp_cloth.export import preview, stage
 from warp_cloth.export.formats import check_inputs_kept
@@ -28,13 +28,16 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
     """Writes the files that ``Fit.save`` lists; the report last."""
     scene = fit.scene
     check_writable(folder, scene.name)
-    began = time.perf_counter()
+    clock = StageClock(seconds=fit.report["seconds"])
+    clock.seconds.update(dict.fromkeys(("export", "picture", "page"), 0.0))  # of an earlier call
     _, picture, page, report = result_paths(folder, scene.name)
     check_inputs_kept(scene, folder, formats)
     add_girths(fit)
+    clock.lap("measure")
     report.unlink(missing_ok=True)  # of an earlier run: it would vouch for an incomplete result if this one is killed
     ranges = fit.maps.ranges if fit.maps is not None else {}
     paths = write_meshes(fit, folder, colour=colour, formats=formats)
+    clock.lap("export")
     preview.write_preview(
         picture,
         garments=fit.garments,
@@ -56,9 +59,10 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
     for worn in fit.garments:
         path = folder / f"{scene.name}_{worn.name}_map.npz"
         paths += [path] if write_map(path, worn.mesh) else []
+    clock.lap("picture")
     write_report_page(page, scene.name, fit.report, pictures)
     paths.insert(paths.index(report) + 1, page)
-    fit.report["seconds"]["export"] = time.perf_counter() - began
+    clock.lap("page")
     write_report(report, fit.report)
     return paths
 

@@ -13,9 +13,9 @@ from warp_cloth.avatar.exact import exact_colliders
 from warp_cloth.avatar.padding import padded
 from warp_cloth.avatar.penetration import VISIBLE, Overlap
 from warp_cloth.base.cache import Cache
+from warp_cloth.base.clock import StageClock
 from warp_cloth.base.threads import map_in_threads
 from warp_cloth.contact.garments import GarmentCrossings, model_crossings, worn_crossings
-from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates
 from warp_cloth.garment.outfit import Outfit
@@ -169,6 +169,7 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         outcome = relax(problem)
         clock.lap("relax")
         runs += finished_runs(problem, [outcome], [levels])
+        clock.lap("measure")
     return Course(tuple(runs))
 
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.threads import map_in_threads
 from warp_cloth.fitting.attempts import Course, Run
-from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.problem import Problem, tolerance_of
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.result import FitResult, Strain, WornGarment
@@ -67,6 +67,7 @@ def finish_fits(
         )
         ended = outcome.status, worn, problems, message
         results.append(FitResult(run.attempt.stated, *ended, garments, outfit.avatar, report, problem.model.device))
+    clock.lap("measure")
     return results
 
 

@@ -12,12 +12,12 @@ from typing import Any
 
 from warp_cloth.base import arguments
 from warp_cloth.base.cache import Cache
+from warp_cloth.base.clock import StageClock
 from warp_cloth.base.device import device_named
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import one_thread_at_a_time
 from warp_cloth.export.formats import chosen_formats
 from warp_cloth.fitting.attempts import finished_runs, tried_further
-from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
@@ -38,7 +38,8 @@ MOST_FRAMES = 10_000  # intermediate shapes; for a garment of 10,000 vertices th
 class Progress:
     """Progress of a running fit; a number is None while it is not known."""
 
-    stage: str  # "load", "compile", "build", "carry" (through avatar.poses), "dress" (predrape), "relax", "measure"
+    # "load", "compile", "build", "carry" (through avatar.poses), "dress" (predrape, posed start), "relax", "measure"
+    stage: str
     iteration: int = 0
     iteration_limit: int = 0  # 0: the fit goes on while it makes progress
     residual: float | None = None  # relative, rms
@@ -144,25 +145,26 @@ def fit(
     if progress is not None and not callable(progress):
         raise InputError("progress", f"must be a function, not {progress}", "pass a function, or None")
     report_progress = progress or (lambda _: None)
+    clock, cache = StageClock(lambda stage: report_progress(Progress(stage))), Cache()
     chosen = _loaded(scene, overrides, on, fabric)
     map_names = check_maps(chosen_maps(maps), has_avatar=chosen.avatar is not None)
+    clock.lap("load")
     device_name = device_named(device)
+    clock.lap("warp")
     if start is not None and chosen.avatar is not None and chosen.avatar.poses:
         raise InputError("avatar.poses", "cannot be combined with an earlier result as the start", "remove one of them")
     earlier = None if start is None else _earlier(start, chosen)
-    clock, cache = StageClock(lambda stage: report_progress(Progress(stage))), Cache()
     problem = load_problem(chosen, device_name, cache=cache, clock=clock, may_pose=earlier is None)
-    if chosen.solver.start == "dressed" and earlier is None:
-        report_progress(Progress("dress"))
 
     def begin(problem: Problem) -> tuple[LevelRun, ...]:
         """Brings the garments to where every attempt starts: the earlier result, if there is one."""
         if earlier is None or problem.attempts[0].posed:
-            return prepare_start(problem, cache)
+            return prepare_start(problem, cache, clock)
         if not start_from(problem, earlier):
             place = start if isinstance(start, str | Path) else "start"
             fault = "its garments have neither the mesh nor the panels of the scene's garments"
             raise InputError(place, fault, "start from a result of the same pattern, or from none")
+        clock.lap("build")
         return ()
 
     levels = begin(problem)
@@ -170,11 +172,14 @@ def fit(
     outcome = relax(problem)
     clock.lap("relax")
     (first,) = finished_runs(problem, [outcome], [levels])
+    clock.lap("measure")
     course = tried_further(first, begin, relax, cache=cache, clock=clock)
     problem = course.best.problem
     report_progress(Progress("measure"))
     (result,) = finish_fits(problem, [course], clock=clock, frames=frames)
-    return Fit.of(_with_maps(result, map_names, problem) if map_names else result)
+    fitted = Fit.of(_with_maps(result, map_names, problem) if map_names else result)
+    clock.lap("measure")
+    return fitted
 
 
 def _loaded(scene: Any, overrides: Any, on: Any, fabric: Any) -> Scene:

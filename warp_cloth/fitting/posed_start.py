@@ -19,6 +19,7 @@ from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.avatar.field import FieldBuild, build_contact_field
 from warp_cloth.avatar.layers import build_layered_buffers
 from warp_cloth.base.cache import Cache
+from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
@@ -73,7 +74,7 @@ class _PosedStart:
     run: LevelRun
 
 
-def start_posed(problem: Problem, cache: Cache) -> tuple[LevelRun, ...]:
+def start_posed(problem: Problem, cache: Cache, clock: StageClock) -> tuple[LevelRun, ...]:
     """Moves a lone scene's garments to where they are sewn and worn by the avatar; returns the relaxations of each.
 
     Each by itself, the same for all fabrics and frictions, so it is made once for each garment and avatar. Garments
@@ -85,7 +86,7 @@ def start_posed(problem: Problem, cache: Cache) -> tuple[LevelRun, ...]:
     for index, garment in enumerate(outfit.garments):
         alone = _alone(scene, outfit, index)
         sources = outfit.avatar, garment.points, garment.rest.topology
-        make = partial(_sewn_and_carried, *alone, str(device), OFFSET + index * LAYER)
+        make = partial(_sewn_and_carried, *alone, str(device), OFFSET + index * LAYER, clock)
         starts.append(
             cache.get_or_make(CACHE_NAME, sources, make, index, scene.solver.precision, scene.collision.cloth, device)
         )
@@ -95,6 +96,7 @@ def start_posed(problem: Problem, cache: Cache) -> tuple[LevelRun, ...]:
         problem.model.set_points(points)
         if not problem.contact.covers(points):
             problem.relaxation.set_collider(0, problem.contact.collider(points))
+    clock.lap("dress")
     return tuple(start.run for start in starts)
 
 
@@ -111,8 +113,8 @@ def _alone(scene: Scene, outfit: Outfit, index: int) -> tuple[Scene, Outfit]:
     return scene.model_copy(update={"garments": scene.garments[one]}), lone
 
 
-def _sewn_and_carried(scene: Scene, outfit: Outfit, device: str, offset: float) -> _PosedStart:
-    dressing = _Dressing(scene, outfit, device, offset)
+def _sewn_and_carried(scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock) -> _PosedStart:
+    dressing = _Dressing(scene, outfit, device, offset, clock)
     dressing.sew()
     if dressing.hangs_from_waist:
         dressing.lift()
@@ -130,7 +132,7 @@ def _sewn_and_carried(scene: Scene, outfit: Outfit, device: str, offset: float) 
 class _Dressing:
     """A garment that is sewn round the posed avatar and carried home."""
 
-    def __init__(self, scene: Scene, outfit: Outfit, device: str, offset: float) -> None:
+    def __init__(self, scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock) -> None:
         (wearing,), avatar = outfit.wearing, outfit.avatar
         if wearing is None or avatar is None:
             raise ValueError("the garment has no openings, or the avatar no limbs")
@@ -144,7 +146,9 @@ class _Dressing:
         self._surface = self._body.points(self._posed, THIN)
         sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
-        self._problem = build_problem([sewing], [sewn], device, attempts=[attempt])
+        clock.lap("dress")
+        self._problem = build_problem([sewing], [sewn], device, attempts=[attempt], clock=clock)
+        clock.begin("dress")
         self._collider = _BodyCollider(avatar.triangles, device, offset)
         self._meet_body()
         self._iterations = 0

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from warp_cloth.base.cache import Cache
+from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Points
 from warp_cloth.fitting.posed_start import start_posed
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse
@@ -40,7 +41,7 @@ class Predrape:
     cache: Cache
 
 
-def build_predrape(problem: Problem, cache: Cache) -> Predrape | None:
+def build_predrape(problem: Problem, cache: Cache, clock: StageClock | None = None) -> Predrape | None:
     """The predrapes of the problem's scenes; None where the garments start as they are placed."""
     device = problem.model.device
     keys: list[CacheArguments] = []
@@ -61,16 +62,22 @@ def build_predrape(problem: Problem, cache: Cache) -> Predrape | None:
     if not missing:
         return Predrape(tuple(keys), (), None, cache)
     missing_keys, scenes, outfits = zip(*missing.values(), strict=True)
-    own = build_problem(scenes, outfits, device, cache=cache, like=problem.model.vertex_count)
+    own = build_problem(scenes, outfits, device, cache=cache, like=problem.model.vertex_count, clock=clock)
     return Predrape(tuple(keys), missing_keys, own, cache)
 
 
-def prepare_start(problem: Problem, cache: Cache) -> tuple[LevelRun, ...]:
+def prepare_start(problem: Problem, cache: Cache, clock: StageClock) -> tuple[LevelRun, ...]:
     """Brings a lone scene's garments to where its fit starts; returns the relaxations that this took."""
     if problem.attempts[0].posed:
-        return start_posed(problem, cache)
-    predrape = build_predrape(problem, cache)
-    return start_coarse(problem) if predrape is None else start_predraped(problem, predrape)[0]
+        return start_posed(problem, cache, clock)
+    predrape = build_predrape(problem, cache, clock)
+    clock.lap("build")
+    if predrape is None:
+        return start_coarse(problem, clock)
+    clock.begin("dress")
+    (levels,) = start_predraped(problem, predrape)
+    clock.lap("dress")
+    return levels
 
 
 def start_predraped(problem: Problem, predrape: Predrape) -> list[tuple[LevelRun, ...]]:

@@ -17,10 +17,10 @@ from warp_cloth.avatar.depth import DEFAULT_REACH
 from warp_cloth.avatar.solid import solid_of
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.choice import Choice
+from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.contact.garments import build_cloth_contact, highest_lift, model_crossings, placed
-from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.nested_iteration import start_from_coarse
 from warp_cloth.fitting.poses import PoseRun, follow_poses
 from warp_cloth.garment.garment import terms_of
@@ -271,19 +271,28 @@ def limit_of(scene: Scene) -> int:
     return MOST_ITERATIONS if scene.solver.iterations is None else scene.solver.iterations
 
 
-def start_coarse(problem: Problem) -> tuple[LevelRun, ...]:
+def start_coarse(problem: Problem, clock: StageClock) -> tuple[LevelRun, ...]:
     """Nested iteration, where the method has it: relaxes coarse garments first, and starts from their shapes."""
     relaxation = problem.relaxation
     if not isinstance(relaxation, MultilevelRelaxation) or problem.outfit.poses:
         return ()
     (scene,) = problem.scenes
-    return start_from_coarse(
+
+    def load(kernels: Sequence[wp.Kernel]) -> None:
+        clock.lap("relax")
+        _compile([kernel.module for kernel in kernels], problem.model.device)
+        clock.lap("compile")
+
+    clock.begin("relax")
+    levels = start_from_coarse(
         relaxation,
         problem.contact if problem.outfit.avatar is not None else None,
         tolerance=tolerance_of(scene),
         limit=limit_of(scene),
-        load=lambda kernels: _compile([kernel.module for kernel in kernels], problem.model.device),
+        load=load,
     )
+    clock.lap("relax")
+    return levels
 
 
 def _through_poses(problem: Problem) -> PoseRun:

@@ -12,9 +12,9 @@ import warp as wp
 
 from warp_cloth.avatar.exact import penetrations
 from warp_cloth.base.cache import Cache
+from warp_cloth.base.clock import StageClock
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
 from warp_cloth.model.result import Penetration, Status
@@ -65,7 +65,7 @@ def run_with_stops(scene: Scene, device: str, stops: Collection[int]) -> list[Ru
     problem = load_problem(scene, device, cache=cache, clock=clock)
     loading = sum(spent for stage, spent in clock.seconds.items() if stage != "compile")  # compiled once for all scenes
     recorder = _Recorder(stops)
-    prepare_start(problem, cache)
+    prepare_start(problem, cache, clock)
     (goal,) = problem.goals()
     (outcome,) = relax_items(
         problem.relaxation,

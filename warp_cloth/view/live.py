@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.clock import StageClock
 from warp_cloth.base.device import device_named
 from warp_cloth.base.mesh import Points
-from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.problem import Problem, build_problem, load_problem, tolerance_of
 from warp_cloth.fitting.warm_start import start_from
 from warp_cloth.garment.outfit import MeshCache, load_outfit

@@ -1,0 +1,98 @@
+"""Seconds from Enter to the answer, and where they went: the command and the library, cold and warm.
+
+    python tests/benchmarks/answer_time.py --scene tshirt --device cpu --runs 5
+    python tests/benchmarks/answer_time.py --only command_warm,library
+
+Wall time of the whole process, and report.json's "seconds" beside it; ``told`` is the share of the wall time that they
+add up to. Cold: no compiled kernels and no bytecode; one run, of the command alone. Medians of the runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from measured import Figures, add_write_option
+
+CASES = ("command_cold", "command_warm", "library")
+LEAST = 0.005  # [s]; stages that take less are not printed
+LIBRARY = """
+import sys, time, json
+began = time.perf_counter()
+import warp_cloth
+scene, device, runs = json.loads(sys.argv[1])
+walls = []
+for _ in range(runs + 1):
+    fit = warp_cloth.fit(scene, device=device)
+    walls.append([time.perf_counter() - began, fit.report["seconds"]])
+    began = time.perf_counter()
+print(json.dumps(walls))
+"""
+
+
+def command(scene: str, device: str, environment: Mapping[str, str]) -> tuple[float, dict[str, float]]:
+    """Wall time of one run of the command [s], and the seconds of its report."""
+    with tempfile.TemporaryDirectory() as folder:
+        words = [sys.executable, "-m", "warp_cloth", "fit", scene, "--device", device, "--out", folder]
+        began = time.perf_counter()
+        ended = subprocess.run(words, env={**os.environ, **environment}, capture_output=True, text=True, check=False)
+        wall = time.perf_counter() - began
+        if ended.returncode not in (0, 3):  # 3: not worn
+            raise SystemExit(ended.stderr)
+        report: dict[str, Any] = json.loads((Path(folder) / "report.json").read_text(encoding="utf-8"))
+    return wall, report["seconds"]
+
+
+def library(scene: str, device: str, runs: int) -> list[tuple[float, dict[str, float]]]:
+    """Wall times of fits one after another in one process, the first with its imports; and their reports' seconds."""
+    words = [sys.executable, "-c", LIBRARY, json.dumps([scene, device, runs])]
+    ended = subprocess.run(words, capture_output=True, text=True, check=True)
+    return [(wall, seconds) for wall, seconds in json.loads(ended.stdout)]
+
+
+def add(figures: Figures, name: str, runs: Sequence[tuple[float, dict[str, float]]]) -> None:
+    """Adds the medians of a case's runs."""
+    figures.add(f"{name}.wall", statistics.median(wall for wall, _ in runs), "s")
+    figures.add(f"{name}.told", 100.0 * statistics.median(sum(told.values()) / wall for wall, told in runs), "%")
+    for stage in runs[0][1]:
+        spent = statistics.median(told.get(stage, 0.0) for _, told in runs)
+        if spent >= LEAST:
+            figures.add(f"{name}.{stage}", spent, "s")
+
+
+def main() -> None:
+    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    reader.add_argument("--scene", default="tshirt")
+    reader.add_argument("--device", default="cpu")
+    reader.add_argument("--runs", type=int, default=5)
+    reader.add_argument("--only", default=",".join(CASES), help="cases, separated by commas")
+    add_write_option(reader)
+    options = reader.parse_args()
+    scene, device, cases = options.scene, options.device, options.only.split(",")
+    if unknown := set(cases) - set(CASES):
+        reader.error(f"no such case: {', '.join(sorted(unknown))}")
+    with Figures(__file__, options, device=device) as figures:
+        if "command_cold" in cases:
+            with tempfile.TemporaryDirectory() as folder:
+                fresh = {"WARP_CACHE_PATH": f"{folder}/kernels", "PYTHONPYCACHEPREFIX": f"{folder}/bytecode"}
+                add(figures, "command_cold", [command(scene, device, fresh)])
+        if "command_warm" in cases:
+            command(scene, device, {})  # compiles
+            add(figures, "command_warm", [command(scene, device, {}) for _ in range(options.runs)])
+        if "library" in cases:
+            first, *again = library(scene, device, options.runs)
+            add(figures, "library_first", [first])
+            add(figures, "library_again", again)
+
+
+if __name__ == "__main__":
+    main()
