@@ -8,6 +8,7 @@
 >>> fit.save("out")  # USD stage, report, picture
 
 fit         fits the garments of one scene, or fit("shirt.obj", on="body.obj"); returns a Fit
+Fitter      fits one scene again and again, in other fabrics or sizes: Fitter("tshirt").fit(size="L"); the same bits
 load_scene  reads and checks a scene, with changes: load_scene("tshirt", {"garment.fabric": "denim"})
 Fit         whether it is worn, problems, garments, report; save() writes them
 FitProblem  what is wrong with a fit: a ProblemCode, a message, a remedy, figures, vertices and faces
@@ -27,6 +28,7 @@ from warp_cloth.base.errors import InputError
 if TYPE_CHECKING:
     from warp_cloth.base.mesh import Mesh
     from warp_cloth.fitting.fit import Fit, Progress, fit
+    from warp_cloth.fitting.fitter import Fitter
     from warp_cloth.model.fit_problem import FitProblem, ProblemCode
     from warp_cloth.model.result import Status, WornGarment
     from warp_cloth.scene import Scene, load_scene
@@ -41,6 +43,7 @@ if not (_FOLDER / "kernels").is_dir():
 __all__ = [
     "Fit",
     "FitProblem",
+    "Fitter",
     "InputError",
     "Mesh",
     "ProblemCode",
@@ -55,6 +58,7 @@ __all__ = [
 _MODULES = {
     "Fit": "fitting.fit",
     "FitProblem": "model.fit_problem",
+    "Fitter": "fitting.fitter",
     "Mesh": "base.mesh",
     "ProblemCode": "model.fit_problem",
     "Progress": "fitting.fit",

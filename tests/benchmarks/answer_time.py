@@ -1,10 +1,11 @@
 """Seconds from Enter to the answer, and where they went: the command and the library, cold and warm.
 
     python tests/benchmarks/answer_time.py --scene tshirt --device cpu --runs 5
-    python tests/benchmarks/answer_time.py --only command_warm,library
+    python tests/benchmarks/answer_time.py --only command_warm,fitter
 
 Wall time of the whole process, and report.json's "seconds" beside it; ``told`` is the share of the wall time that they
-add up to. Cold: no compiled kernels and no bytecode; one run, of the command alone. Medians of the runs.
+add up to. Cold: no compiled kernels and no bytecode; one run, of the command alone. The fitter answers
+on one core, in turn with a plain fit of the same scene in the same process, which must give the same bits. Medians.
 """
 
 from __future__ import annotations
@@ -23,8 +24,35 @@ from typing import Any
 
 from measured import Figures, add_write_option
 
-CASES = ("command_cold", "command_warm", "library")
+CASES = ("command_cold", "command_warm", "library", "fitter")
 LEAST = 0.005  # [s]; stages that take less are not printed
+FITTER_CHANGES = {"fabric": {"garment.fabric": "denim"}, "size": {"garment.shape.size": "L"}}
+FITTER = """
+import hashlib, json, os, sys, time
+if hasattr(os, "sched_setaffinity"):
+    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1])
+import warp_cloth
+scene, device, runs, changes = json.loads(sys.argv[1])
+
+def timed(answer):
+    began = time.perf_counter()
+    fit = answer()
+    wall = time.perf_counter() - began
+    return [wall, fit.report["seconds"]], [hashlib.sha256(worn.points.tobytes()).hexdigest() for worn in fit.garments]
+
+plain, again = [], []
+warp_cloth.fit(scene, device=device, overrides=changes)
+for _ in range(runs):
+    fitter = warp_cloth.Fitter(scene, device=device)
+    fitter.fit()
+    of_fit, bits = timed(lambda: warp_cloth.fit(scene, device=device, overrides=changes))
+    of_fitter, same = timed(lambda: fitter.fit(overrides=changes))
+    if bits != same:
+        sys.exit(f"other bits: {bits} {same}")
+    plain.append(of_fit)
+    again.append(of_fitter)
+print(json.dumps([plain, again]))
+"""
 LIBRARY = """
 import sys, time, json
 began = time.perf_counter()
@@ -52,21 +80,23 @@ def command(scene: str, device: str, environment: Mapping[str, str]) -> tuple[fl
     return wall, report["seconds"]
 
 
-def library(scene: str, device: str, runs: int) -> list[tuple[float, dict[str, float]]]:
-    """Wall times of fits one after another in one process, the first with its imports; and their reports' seconds."""
-    words = [sys.executable, "-c", LIBRARY, json.dumps([scene, device, runs])]
-    ended = subprocess.run(words, capture_output=True, text=True, check=True)
-    return [(wall, seconds) for wall, seconds in json.loads(ended.stdout)]
+def run_script(script: str, *arguments: Any) -> Any:
+    """What a script prints as JSON, in a process of its own."""
+    words = [sys.executable, "-c", script, json.dumps(arguments)]
+    ended = subprocess.run(words, stdout=subprocess.PIPE, text=True, check=True)
+    return json.loads(ended.stdout)
 
 
-def add(figures: Figures, name: str, runs: Sequence[tuple[float, dict[str, float]]]) -> None:
+def add(figures: Figures, name: str, runs: Sequence[tuple[float, dict[str, float]]], cores: int | None = None) -> None:
     """Adds the medians of a case's runs."""
-    figures.add(f"{name}.wall", statistics.median(wall for wall, _ in runs), "s")
-    figures.add(f"{name}.told", 100.0 * statistics.median(sum(told.values()) / wall for wall, told in runs), "%")
+    figures.add(f"{name}.wall", statistics.median(wall for wall, _ in runs), "s", cores=cores)
+    figures.add(
+        f"{name}.told", 100.0 * statistics.median(sum(told.values()) / wall for wall, told in runs), "%", cores=cores
+    )
     for stage in runs[0][1]:
         spent = statistics.median(told.get(stage, 0.0) for _, told in runs)
         if spent >= LEAST:
-            figures.add(f"{name}.{stage}", spent, "s")
+            figures.add(f"{name}.{stage}", spent, "s", cores=cores)
 
 
 def main() -> None:
@@ -89,9 +119,15 @@ def main() -> None:
             command(scene, device, {})  # compiles
             add(figures, "command_warm", [command(scene, device, {}) for _ in range(options.runs)])
         if "library" in cases:
-            first, *again = library(scene, device, options.runs)
+            first, *again = run_script(LIBRARY, scene, device, options.runs)
             add(figures, "library_first", [first])
             add(figures, "library_again", again)
+        for name, changes in FITTER_CHANGES.items() if "fitter" in cases else ():
+            plain, again = run_script(FITTER, scene, device, options.runs, changes)
+            add(figures, f"plain_{name}", plain, cores=1)
+            add(figures, f"fitter_{name}", again, cores=1)
+            ratio = statistics.median(a[0] / b[0] for a, b in zip(again, plain, strict=True))
+            figures.add(f"fitter_{name}.over_plain", ratio, "times", cores=1)
 
 
 if __name__ == "__main__":

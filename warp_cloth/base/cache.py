@@ -75,6 +75,11 @@ class Cache:
         """Adds another process's ``portable_entries``; an entry that is here already stays."""
         self._entries = {**{key: _Entry(value, (), 0) for key, value in portable.items()}, **self._entries}
 
+    @property
+    def count(self) -> int:
+        """Number of values."""
+        return len(self._entries)
+
     def __contains__(self, key: Hashable) -> bool:
         return key in self._entries
 

@@ -10,6 +10,7 @@ import shlex
 import sys
 from collections.abc import Mapping
 from datetime import datetime
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -84,8 +85,9 @@ def fit(
         check_inputs_kept(chosen, out, suffixes)
         clock.lap("load")
         with output_folder(out, chosen.name):
-            from warp_cloth.export.save import save_fit
             from warp_cloth.fitting.fit import fit as run
+
+            import_module("warp_cloth.export.save")  # Fit.save would import it later, in no stage of its own
 
             with _display() as display:
                 clock.lap("import")
@@ -93,10 +95,10 @@ def fit(
                 clock.lap("warp")
                 all_maps = (*map_names, colour_map)
                 worn = run(chosen, device=device, frames=frames, maps=all_maps, start=start, progress=display)
-                clock.add_to(worn.report["seconds"])
+                clock.add_to(worn.report.setdefault("seconds", {}))
                 worn.report["made"] = {"command": shlex.join(["warp-cloth", *sys.argv[1:]]), "date": _now()}
                 display.begin("export")
-                paths = save_fit(worn, out, colour=colour_map, formats=suffixes)
+                paths = worn.save(out, colour=colour_map, formats=suffixes)
     for line in summary(chosen.name, worn.report, paths):
         typer.echo(line)
     if not worn.worn:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from numbers import Integral
 from pathlib import Path
@@ -22,6 +22,7 @@ from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
 from warp_cloth.fitting.warm_start import Worn, chosen_garments, saved_result, start_from
+from warp_cloth.garment.outfit import MeshCache
 from warp_cloth.maps import add_girths, chosen_colour, chosen_maps, map_summary, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.model.attempt import Patience
@@ -103,10 +104,9 @@ class Fit(FitResult):
     @classmethod
     def of(cls, result: FitResult) -> Fit:
         """The fit of this data."""
-        return cls(**{field.name: getattr(result, field.name) for field in fields(FitResult)})
+        return cls(**{each.name: getattr(result, each.name) for each in fields(FitResult)})
 
 
-@one_thread_at_a_time
 def fit(
     scene: Scene | str | Path | Mapping[str, Any],
     *,
@@ -140,13 +140,37 @@ def fit(
     Raises:
         InputError: the scene or one of its files cannot be used.
     """
+    load = partial(_loaded, scene, overrides, on, fabric)
+    return fit_loaded(load, device, Caches(), frames=frames, maps=maps, start=start, progress=progress)
+
+
+@dataclass(frozen=True)
+class Caches:
+    """What fits one after another share."""
+
+    meshes: MeshCache = field(default_factory=MeshCache)
+    problems: Cache = field(default_factory=Cache)
+
+
+@one_thread_at_a_time
+def fit_loaded(
+    load: Callable[[], Scene],
+    device: str | None,
+    caches: Caches,
+    *,
+    frames: int = 0,
+    maps: str | Sequence[str] = (),
+    start: Fit | str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Fit:
+    """Fits the scene that ``load`` returns; ``caches`` hold what earlier fits left; the rest as for ``fit``."""
     if not isinstance(frames, Integral) or not 0 <= frames <= MOST_FRAMES:
         raise InputError("frames", f"must be an integer from 0 to {MOST_FRAMES}, not {frames}")
     if progress is not None and not callable(progress):
         raise InputError("progress", f"must be a function, not {progress}", "pass a function, or None")
     report_progress = progress or (lambda _: None)
-    clock, cache = StageClock(lambda stage: report_progress(Progress(stage))), Cache()
-    chosen = _loaded(scene, overrides, on, fabric)
+    clock, cache = StageClock(lambda stage: report_progress(Progress(stage))), caches.problems
+    chosen = load()
     map_names = check_maps(chosen_maps(maps), has_avatar=chosen.avatar is not None)
     clock.lap("load")
     device_name = device_named(device)
@@ -154,7 +178,9 @@ def fit(
     if start is not None and chosen.avatar is not None and chosen.avatar.poses:
         raise InputError("avatar.poses", "cannot be combined with an earlier result as the start", "remove one of them")
     earlier = None if start is None else _earlier(start, chosen)
-    problem = load_problem(chosen, device_name, cache=cache, clock=clock, may_pose=earlier is None)
+    problem = load_problem(
+        chosen, device_name, mesh_cache=caches.meshes, cache=cache, clock=clock, may_pose=earlier is None
+    )
 
     def begin(problem: Problem) -> tuple[LevelRun, ...]:
         """Brings the garments to where every attempt starts: the earlier result, if there is one."""

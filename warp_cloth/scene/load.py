@@ -16,7 +16,7 @@ from warp_cloth.base import arguments
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import exists, read_toml
 from warp_cloth.scene.messages import scene_error, show
-from warp_cloth.scene.overrides import apply_override, overrides_of, plain, still_stated
+from warp_cloth.scene.overrides import Override, apply_override, overrides_of, plain, still_stated
 from warp_cloth.scene.paths import file_stem
 from warp_cloth.scene.schema import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, stage_values
@@ -37,7 +37,7 @@ class _Source:
 
 def load_scene(
     source: str | Path | Mapping[str, Any],
-    overrides: Sequence[str] | Mapping[str, Any] = (),
+    overrides: Sequence[str] | Mapping[str, Any] | Sequence[Override] = (),
     *,
     on: str | Path | None = None,
     fabric: Any = None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,13 +33,15 @@ class Override:
     place: str
 
 
-def overrides_of(given: str | Iterable[str] | Mapping[str, Any]) -> list[Override]:
-    """Overrides from what callers give: texts ``KEY=VALUE``, values in TOML or plain text, or a dictionary.
+def overrides_of(given: str | Iterable[str] | Mapping[str, Any] | Sequence[Override]) -> list[Override]:
+    """Overrides from what callers give: texts ``KEY=VALUE``, values in TOML or plain text, a dictionary, or overrides.
 
     A table within a dictionary changes a scene's key by key, unless it has a ``kind`` or ``name`` and replaces it.
     """
     if isinstance(given, Mapping):
         return [Override(key, value, _place(f"{key}={value}")) for key, value in flat(plain(given))]
+    if isinstance(given, list) and all(isinstance(each, Override) for each in given):
+        return list(given)
     return [_from_text(text) for text in arguments.strings(given, "overrides")]
 
 

@@ -1,0 +1,98 @@
+"""A fitter that stays: one garment and one body, fitted again in other fabrics, sizes and settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from warp_cloth.base.device import device_named
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.threads import LAUNCH_LOCK
+from warp_cloth.fitting.fit import Caches, Fit, Progress, fit_loaded
+from warp_cloth.scene import Scene, load_scene
+from warp_cloth.scene.overrides import overrides_of
+
+MOST_KEPT = 256  # entries of either cache; a T-shirt's fabric takes 2 and its size about 10, of some megabytes together
+DEVICE_BYTES = 1 << 28  # [bytes] of colliders that later answers may use
+
+
+class Fitter:
+    """Fits one scene again and again; what does not change is kept from answer to answer.
+
+    Every answer has the same bits as ``warp_cloth.fit`` of the same scene. Calls from several threads run one after
+    another. Files that change are read again. Answers share meshes with the fitter: do not change those in place.
+
+    >>> fitter = warp_cloth.Fitter("shirt.obj", "body.obj")
+    >>> jersey = fitter.fit(fabric="jersey")
+    >>> denim = fitter.fit(fabric="denim", start=jersey)
+    """
+
+    def __init__(
+        self,
+        garment: str | Path | Mapping[str, Any],
+        avatar: str | Path | None = None,
+        *,
+        device: str | None = None,
+        overrides: Sequence[str] | Mapping[str, Any] = (),
+    ) -> None:
+        """Reads and checks the scene; the first answer loads its meshes.
+
+        Args:
+            garment: what ``warp_cloth.fit`` takes as a scene, not loaded yet; with ``avatar``, a garment's mesh file.
+            avatar: the body's mesh file, or "mannequin".
+            device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
+            overrides: changes to the scene, for all answers.
+
+        Raises:
+            InputError: there is no such device, or the scene cannot be used.
+        """
+        if isinstance(garment, Scene):
+            raise InputError("garment", "is a loaded scene, which cannot be changed", "give what it was loaded from")
+        self._given = overrides_of(overrides)
+        self._load = partial(load_scene, garment, on=avatar)
+        self._load(self._given)
+        self.device = device_named(device)
+        self._caches = _empty()
+
+    def fit(
+        self,
+        *,
+        fabric: Any = None,
+        size: str | None = None,
+        offset_mm: float | None = None,
+        overrides: Sequence[str] | Mapping[str, Any] = (),
+        frames: int = 0,
+        maps: str | Sequence[str] = (),
+        start: Fit | str | Path | None = None,
+        progress: Callable[[Progress], None] | None = None,
+    ) -> Fit:
+        """Fits the scene with these changes, which hold for this answer alone; the rest as for ``warp_cloth.fit``.
+
+        Args:
+            fabric: of the garment: a shipped name, a .toml file, a table or a ``Fabric`` (``garment.fabric``).
+            size: of a generated garment (``garment.shape.size``).
+            offset_mm: gap between skin and cloth (``collision.offset_mm``).
+            overrides: other changes.
+            frames: number of intermediate shapes to keep.
+            maps: fit maps to compute.
+            start: an earlier result, or its file, whose worn shape the garments start from.
+            progress: called with a ``Progress`` at every stage and check.
+
+        Raises:
+            InputError: a change is not valid; the fitter stays as it was.
+        """
+        named = {"garment.fabric": fabric, "garment.shape.size": size, "collision.offset_mm": offset_mm}
+        changes = overrides_of({key: value for key, value in named.items() if value is not None})
+        load = partial(self._load, [*self._given, *changes, *overrides_of(overrides)])
+        with LAUNCH_LOCK:
+            if max(self._caches.meshes.count, self._caches.problems.count) > MOST_KEPT:
+                self._caches = _empty()
+            return fit_loaded(load, self.device, self._caches, frames=frames, maps=maps, start=start, progress=progress)
+
+
+def _empty() -> Caches:
+    caches = Caches()
+    caches.problems.limit = DEVICE_BYTES
+    return caches
