@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from warp_cloth.base.clock import command_clock
+from warp_cloth.base.collector import what_stays
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device, FabricName, On
@@ -73,10 +74,10 @@ def fit(
     """
     with one_line_errors("on", "fabric"):
         clock = command_clock()
-        from warp_cloth.export.formats import check_inputs_kept, chosen_formats
-        from warp_cloth.maps.kinds import chosen_colour, chosen_maps
-        from warp_cloth.scene import load_scene
-
+        with what_stays():
+            from warp_cloth.export.formats import check_inputs_kept, chosen_formats
+            from warp_cloth.maps.kinds import chosen_colour, chosen_maps
+            from warp_cloth.scene import load_scene
         clock.lap("import")
         suffixes = chosen_formats(formats)
         map_names = chosen_maps(maps, place="--maps")
@@ -85,10 +86,10 @@ def fit(
         check_inputs_kept(chosen, out, suffixes)
         clock.lap("load")
         with output_folder(out, chosen.name):
-            from warp_cloth.fitting.fit import fit as run
+            with what_stays():
+                from warp_cloth.fitting.fit import fit as run
 
-            import_module("warp_cloth.export.save")  # Fit.save would import it later, in no stage of its own
-
+                import_module("warp_cloth.export.save")  # Fit.save would import it later, in no stage of its own
             with _display() as display:
                 clock.lap("import")
                 start_warp(verbose)

@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+import warp as wp
+from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.threads import map_in_threads
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.picture_head import FAINT_INK, INK, LEADING, Head, draw_head, shorten
 from warp_cloth.export.problem_marks import draw_rings, marked_subject, places_of
-from warp_cloth.export.render import RenderedView, Subject, build_subject, render_view, shade_view, view_axes
+from warp_cloth.export.render import (
+    RenderedView,
+    Subject,
+    build_subject,
+    load_kernels,
+    render_view,
+    shade_view,
+    view_axes,
+)
 from warp_cloth.export.surface import linear, require_sound, srgb
 from warp_cloth.model.fit_problem import FitProblem
 from warp_cloth.model.result import WornGarment
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 BACKGROUND = (0.94, 0.94, 0.945)  # sRGB
 MARGIN = 0.03  # of the picture's width, left and right of every view
@@ -111,7 +125,18 @@ def draw_views(
 
 def render_views(subject: Subject, layout: Layout) -> list[RenderedView]:
     """The views of all windows."""
-    return [render_view(subject, window.toward, layout.pixel, window.width, layout.height) for window in layout.windows]
+    load_kernels(subject.device)
+    return _of_each(
+        subject,
+        lambda window: render_view(subject, window.toward, layout.pixel, window.width, layout.height),
+        layout.windows,
+    )
+
+
+def _of_each(subject: Subject, work: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """``work`` of every item, on the CPU in threads: a launch there occupies one core, and releases Python's lock."""
+    on_cpu = wp.get_device(subject.device).is_cpu
+    return map_in_threads(work, items) if on_cpu else [work(item) for item in items]
 
 
 def compose_picture(
@@ -119,13 +144,18 @@ def compose_picture(
 ) -> Image.Image:
     """The picture with the subject in its own colours; arguments as in ``draw_views``."""
     background = linear(BACKGROUND)
-    light = np.tile(background, (size[1], size[0], 1))
-    for window, view in zip(layout.windows, views, strict=True):
-        columns = slice(window.left, window.left + window.width)
-        light[layout.top : layout.top + layout.height, columns] = shade_view(subject, view, background)
-    image = Image.fromarray(np.round(srgb(light) * 255.0).astype(np.uint8), "RGB")
+    shades = np.tile(_in_bytes(background), (size[1], size[0], 1))
+    drawn = _of_each(subject, lambda view: _in_bytes(shade_view(subject, view, background)), views)
+    for window, shade in zip(layout.windows, drawn, strict=True):
+        shades[layout.top : layout.top + layout.height, window.left : window.left + window.width] = shade
+    image = Image.fromarray(shades, "RGB")
     draw_labels(image, layout, title, sentence)
     return image
+
+
+def _in_bytes(light: ArrayLike) -> NDArray[np.uint8]:
+    """sRGB values in bytes from linear light."""
+    return np.round(srgb(light) * 255.0).astype(np.uint8)
 
 
 def save_picture(image: Image.Image, path: Path) -> None:

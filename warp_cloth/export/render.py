@@ -11,6 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Mesh, vertex_normals
+from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear, winds_outward
 from warp_cloth.kernels.avatar.raster import View, draw_depth, draw_triangle_ids
 from warp_cloth.kernels.picture.shading import Appearance, Surface, cast_shadows, light_pixels, sample_surface
@@ -83,6 +84,13 @@ def build_subject(garments: Sequence[WornGarment], avatar: Mesh | None, device: 
     )
 
 
+def load_kernels(device: str) -> None:
+    """Loads the picture's kernels: two threads must not load one module at the same time."""
+    kernels = draw_depth, draw_triangle_ids, sample_surface, cast_shadows, light_pixels
+    with keeping_kernels():
+        wp.force_load(device, modules=list({kernel.module: None for kernel in kernels}), max_workers=0)
+
+
 def shading_of(points: Vector, triangles: NDArray[np.int32], inside: float) -> Appearance:
     """Shading parameters of the two sides of a part."""
     appearance = Appearance()
@@ -121,11 +129,13 @@ def light_direction(light: Sequence[float], toward: Vector) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class RenderedView:
-    """A view of a subject: visible triangles and the light on them, independent of colours."""
+    """A view of a subject: visible triangles and the light on them, independent of colours; and its first colours."""
 
     view: View
     ids: wp.array  # triangle at every pixel (the number of triangles: none), shape [rows, columns]
     light: NDArray[np.float32]  # on the surface at every pixel, shape [rows, columns, 3]
+    reflectance: wp.array  # of the surface at every pixel, in the subject's ``colours``, shape [rows, columns]
+    colours: wp.array
 
 
 def render_view(subject: Subject, toward: Vector, pixel: float, width: int, height: int) -> RenderedView:
@@ -141,7 +151,7 @@ def render_view(subject: Subject, toward: Vector, pixel: float, width: int, heig
     ids = wp.full(shape, len(subject.triangles), dtype=wp.int32, device=device)
     inputs = [subject.points, subject.triangles, view, depth]
     wp.launch(draw_triangle_ids, len(subject.triangles), inputs=inputs, outputs=[ids], device=device)
-    normal, _ = surface(subject, view, ids)
+    normal, reflectance = surface(subject, view, ids)
     lit = wp.zeros(shape, dtype=wp.float32, device=device)
     inputs = [depth, normal, view, key_view, key_depth]
     wp.launch(cast_shadows, shape, inputs=inputs, outputs=[lit], device=device)
@@ -149,12 +159,14 @@ def render_view(subject: Subject, toward: Vector, pixel: float, width: int, heig
     light = wp.zeros(shape, dtype=wp.vec3f, device=device)
     inputs = [depth, normal, white, lit, view, vector(key), vector(fill)]
     wp.launch(light_pixels, shape, inputs=inputs, outputs=[light], device=device)
-    return RenderedView(view, ids, light.numpy())
+    return RenderedView(view, ids, light.numpy(), reflectance, subject.colours)
 
 
 def shade_view(subject: Subject, rendered: RenderedView, background: Vector) -> NDArray[np.float32]:
     """Image of a subject in its own colours, in linear light, shape [height, width, 3], top row first."""
-    _, reflectance = surface(subject, rendered.view, rendered.ids)
+    reflectance = rendered.reflectance
+    if rendered.colours is not subject.colours:
+        _, reflectance = surface(subject, rendered.view, rendered.ids)
     visible = rendered.ids.numpy() < len(subject.triangles)
     light = np.where(visible[..., None], reflectance.numpy() * rendered.light, background.astype(np.float32))
     rows, columns, _ = light.shape
