@@ -196,6 +196,16 @@ def test_what_is_wrong_round_a_limb_is_sewn_round_the_body_posed_within_it(wrong
     assert following(failed, Ended(posed, REST, 0, VERTICES)) is None
 
 
+def test_a_posed_attempt_that_none_can_follow_goes_on_longer() -> None:
+    sewn, levels = skirt()
+    failed = Ended(sewn, LIMIT, 0, VERTICES), Ended(levels, REST, 0, VERTICES, torn=True)
+    first_posed, last_posed = following(replace(failed[0], torn=True)), following(*failed)
+    assert first_posed is not None
+    assert last_posed is not None
+    assert (first_posed.posed, last_posed.posed) == (True, True)
+    assert (first_posed.patience, last_posed.patience) == (Patience.SHORT, Patience.LONG)
+
+
 def test_cloth_without_openings_for_limbs_is_never_posed() -> None:
     sheet = following(Ended(first("sphere", *DRAPED), REST, 0, VERTICES, torn=True))
     assert sheet is None or not sheet.posed

@@ -115,7 +115,7 @@ def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Att
     if may_pose and are_panels and _may_pose(scene, outfit):
         fault = next((each.start_fault for each in outfit.wearing if each is not None and each.start_fault), "")
         if fault:
-            return _posed(scene, outfit, fault)
+            return _posed(scene, outfit, fault, last=not _may_have_levels(scene))
     touches, why = _first_contact(scene, outfit)
     stated = scene.solver.method
     method = "accelerated" if stated == "auto" else stated
@@ -141,15 +141,15 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     if stated.solver.iterations is not None and ended.status is not Status.AT_REST and ended.cut_short is None:
         return None  # as many iterations as the scene wants
     posed_next = _may_pose(stated, outfit) and not any(each.attempt.posed for each in history)
+    levels_next = _may_have_levels(stated) and not any(each.attempt.has_levels for each in history)
     if posed_next and (ended.torn or ended.misplaced or (ended.cut_short is CutShort.CROSSING and attempt.touches)):
-        return _posed(stated, outfit, "cloth was torn or tangled round a limb")
+        return _posed(stated, outfit, "cloth was torn or tangled round a limb", last=not levels_next)
     if posed_next and ended.sunk:
-        return _posed(stated, outfit, "it slid down from the waist")
+        return _posed(stated, outfit, "it slid down from the waist", last=not levels_next)
     if ended.well:
         may_pad = "offset_mm" not in stated.collision.model_fields_set and attempt.paddings < MOST_PADDINGS
         return _padded(ended, len(history) - 1) if ended.shown and may_pad else None
     may_touch = stated.collision.cloth is not False
-    levels_next = _may_have_levels(stated) and not any(each.attempt.has_levels for each in history)
     if attempt.touches:
         return _levels(stated, _last_posed(history)) if levels_next else None
     if may_touch and (ended.crossings or (attempt.has_levels and len(history) > 1)):
@@ -219,14 +219,12 @@ def _levels(stated: Scene, begins_after: int | None) -> Attempt:
     return _attempt(stated, "multilevel", False, "nothing crosses", why, begins_after, last=False)
 
 
-def _posed(stated: Scene, outfit: Outfit, why: str) -> Attempt:
+def _posed(stated: Scene, outfit: Outfit, why: str, *, last: bool) -> Attempt:
     touches, why_contact = _first_contact(stated, outfit)
     if stated.collision.cloth == "auto" and not touches:
         touches, why_contact = True, "the avatar moves within the garment"
     method = "accelerated" if stated.solver.method == "auto" else stated.solver.method
-    attempt = _attempt(
-        stated, method, touches, why_contact, "its iterations are the cheapest", None, last=not _may_have_levels(stated)
-    )
+    attempt = _attempt(stated, method, touches, why_contact, "its iterations are the cheapest", None, last=last)
     return replace(attempt, posed=True, choices=(*attempt.choices, Choice("solver.start", "posed", why)))
 
 
