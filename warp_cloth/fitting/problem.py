@@ -271,12 +271,13 @@ def limit_of(scene: Scene) -> int:
     return MOST_ITERATIONS if scene.solver.iterations is None else scene.solver.iterations
 
 
-def start_coarse(problem: Problem, clock: StageClock) -> tuple[LevelRun, ...]:
+def start_coarse(problem: Problem, clock: StageClock | None = None) -> tuple[LevelRun, ...]:
     """Nested iteration, where the method has it: relaxes coarse garments first, and starts from their shapes."""
     relaxation = problem.relaxation
     if not isinstance(relaxation, MultilevelRelaxation) or problem.outfit.poses:
         return ()
     (scene,) = problem.scenes
+    clock = clock or StageClock()
 
     def load(kernels: Sequence[wp.Kernel]) -> None:
         clock.lap("relax")
