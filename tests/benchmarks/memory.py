@@ -15,6 +15,7 @@ from measured import Figures, add_write_option
 
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.fitting.attempts import Course, finished_runs
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.problem import collider_updates, load_problem, tolerance_of
 from warp_cloth.scene import load_scene
@@ -65,7 +66,7 @@ def main() -> None:
     )
     print(f"{outcome.status.value} after {outcome.iterations:,} iterations, {outcome.seconds:.2f} s")
     tell("relaxed", whole - 1e-9 * planned["report"])
-    finish_fits(problem, [outcome], levels=[()], clock=StageClock())
+    finish_fits(problem, [Course(tuple(finished_runs(problem, [outcome], [()])))], clock=StageClock())
     tell("reported", whole)
     with figures:  # writes them
         print(f"{time.perf_counter() - began:.1f} s in all")

@@ -89,14 +89,23 @@ class Wearing:
         """Why the garment cannot be sewn where it starts, with a limb through the wrong opening; empty: it can."""
         if pierced := self.pierced(self.start):
             return f"cloth starts on both sides of the {LIMBS[pierced[0]]}"
-        if misplaced := self.misplaced(self.start):
-            return f"an opening starts beside the {LIMBS[misplaced[0].wanted[0]]}"
+        if self.misplaced_at_start:
+            return f"an opening starts beside the {LIMBS[self.misplaced_at_start[0].wanted[0]]}"
         return ""
+
+    @cached_property
+    def misplaced_at_start(self) -> list[Misplaced]:
+        return self.misplaced(self.start)
 
     @property
     def hangs_from_waist(self) -> bool:
         """Whether neither the head nor an arm has an opening."""
         return not any(set(limbs) & {HEAD, *ARMS} for limbs in self.limbs)
+
+    @property
+    def is_skirt(self) -> bool:
+        """Whether it hangs from the waist and has no legs."""
+        return self.hangs_from_waist and all(len(limbs) != 1 for limbs in self.limbs)
 
     @cached_property
     def too_high(self) -> float:
@@ -105,7 +114,7 @@ class Wearing:
         pairs = zip(self.openings, self.limbs, strict=True)
         sleeves = [float(self.start[opening.loop].mean(axis=0) @ up) for opening, limbs in pairs if limbs in SLEEVED]
         above = float(np.mean(sleeves)) - float(self.skeleton.shoulders @ up) if sleeves else 0.0
-        return max(above, -float(self.shift(self.start) @ up), 0.0)
+        return max(above, -float(self.shift @ up), 0.0)
 
     def drop(self, points: Points) -> float:
         """How far the opening that starts highest has come down, with the garment at ``points`` [m]."""
@@ -122,15 +131,16 @@ class Wearing:
         """The openings that the wrong limbs pass through, with the garment at ``points`` [m]."""
         return misplaced_openings(self.openings, self.limbs, points, self.triangles, self.skeleton)
 
-    def shift(self, points: Points) -> Points:
-        """What moves a garment at ``points`` [m] onto the body that it starts beside [m], shape [3]; else 0.
+    @cached_property
+    def shift(self) -> Points:
+        """What moves the garment onto the body that it starts beside [m], shape [3]; else 0.
 
         Across, so that the trunk passes through the middle of its openings, where it does not or is far from there; up
         and down only where sleeves are far from the shoulders, or a waist is far from the body's and not round its
         trunk, since where trousers or a dress begin is their designer's choice.
         """
-        skeleton = self.skeleton
-        wrong = {id(each.opening) for each in self.misplaced(points)}
+        skeleton, points = self.skeleton, self.start
+        wrong = {id(each.opening) for each in self.misplaced_at_start}
         pairs = list(zip(self.openings, self.limbs, strict=True))
         trunk = [opening for opening, limbs in pairs if len(limbs) > 1 or limbs == (HEAD,)]
         sleeves = [points[opening.loop].mean(axis=0) for opening, limbs in pairs if limbs in SLEEVED]

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warp_cloth.avatar.penetration import Overlap
-from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.base.mesh import Indices, Mesh, Points, vertex_normals
 
 SPARE = 0.5e-3  # [m] more than what shows, as faces tilt when their corners are pushed out
 WHOLE, FADED = 0.015, 0.04  # [m] from a face's middle: where the padding is whole, and where it has ended
@@ -31,16 +30,5 @@ def padded(body: Mesh, worn: Points, triangles: Indices, overlap: Overlap) -> Po
         away = np.linalg.norm(body.points[near] - middle, axis=1)
         share = np.clip((FADED - away) / (FADED - WHOLE), 0.0, 1.0)
         out[near] = np.maximum(out[near], share * (depth + SPARE))
-    moved: Points = body.points + out[:, None] * _normals(body)
+    moved: Points = body.points + out[:, None] * vertex_normals(body.points, body.triangles)
     return moved
-
-
-def _normals(body: Mesh) -> NDArray[np.float64]:
-    """Unit normals of the vertices, by the areas of their triangles, shape [V, 3]."""
-    corners = body.points[body.triangles]
-    by_area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(body.points)
-    for corner in range(3):
-        np.add.at(normals, body.triangles[:, corner], by_area)
-    unit: NDArray[np.float64] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    return unit

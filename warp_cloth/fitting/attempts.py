@@ -14,7 +14,7 @@ from warp_cloth.avatar.padding import padded
 from warp_cloth.avatar.penetration import VISIBLE, Overlap
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
-from warp_cloth.base.threads import map_in_threads
+from warp_cloth.base.threads import concatenate, map_in_threads
 from warp_cloth.contact.garments import GarmentCrossings, model_crossings, worn_crossings
 from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates
@@ -179,8 +179,8 @@ def _padded(run: Run) -> Outfit:
     surface = outfit.starting_avatar
     if surface is None or overlap is None:
         raise ValueError("there is no avatar to pad")
-    starts = np.cumsum([0, *(len(garment.points) for garment in outfit.garments)])
-    triangles = np.concatenate([each.triangles + start for each, start in zip(outfit.garments, starts, strict=False)])
+    starts = np.cumsum([0, *(len(garment.points) for garment in outfit.garments)]).tolist()
+    triangles = concatenate([garment.triangles for garment in outfit.garments], starts)
     points = padded(surface, run.outcome.points, triangles, overlap)
     return replace(outfit, padded=replace(surface, points=points))
 

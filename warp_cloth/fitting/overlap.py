@@ -15,7 +15,7 @@ from warp_cloth.avatar.exact import ExactCollider, depth_summary, depths_under
 from warp_cloth.avatar.openings import Opening, measured_openings, opening_samples
 from warp_cloth.avatar.penetration import Overlap, Samples, edge_places, face_places, may_show, pierced, shown
 from warp_cloth.base.mesh import Points
-from warp_cloth.base.threads import map_in_threads
+from warp_cloth.base.threads import concatenate, map_in_threads
 from warp_cloth.garment.outfit import Outfit
 
 
@@ -48,7 +48,7 @@ def avatar_overlaps(
         longest = float(((1.0 + strain) * np.concatenate([garment.rest.edge_length for garment in garments])).max())
         triangles = np.zeros((0, 3), dtype=np.int32)
         if may_show(longest):
-            triangles = np.concatenate([garment.triangles + at for garment, at in parts])
+            triangles = concatenate([garment.triangles for garment in garments], starts)
         ends = [*starts[1:], None]
         openings = [
             opening_samples(number, points[first:last], each.rest.topology, each.triangles)

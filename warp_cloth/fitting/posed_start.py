@@ -6,7 +6,7 @@ A garment that was drafted for another body starts with panels on the wrong side
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -54,7 +54,7 @@ SEWN = 0.2  # strain of the edges of seams that have closed
 STEPS = 24  # from there home
 POSED_FOR = 0.5  # fraction of the steps after which all limbs are home; then they only grow
 GROWTH = 2.0  # exponent of the thickness over the steps: slow while limbs move
-POSED_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
+GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
 HEAVY = 3000.0  # weight of cloth that falls, over that of sewn cloth: 10 kg/m2 stretches by less than 1 %
 FALLING = 3000  # iterations at most
 SLOW = 0.01  # [m] in CHECK iterations
@@ -116,16 +116,16 @@ def _alone(scene: Scene, outfit: Outfit, index: int) -> tuple[Scene, Outfit]:
 def _sewn_and_carried(scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock) -> _PosedStart:
     dressing = _Dressing(scene, outfit, device, offset, clock)
     dressing.sew()
-    if dressing.hangs_from_waist:
+    if dressing.wearing.hangs_from_waist:
         dressing.lift()
-    if dressing.is_skirt:
-        dressing.carry(1, POSED_STEPS, limbs_go=False)
+    if dressing.wearing.is_skirt:
+        dressing.grow(GROWING_STEPS)
         dressing.fall()
-        dressing.carry(1, STEPS - POSED_STEPS, is_thick=True)
+        dressing.carry_home(STEPS - GROWING_STEPS, is_grown=True)
     else:
         if dressing.in_the_way:
             dressing.fall()
-        dressing.carry(1, STEPS)
+        dressing.carry_home(STEPS)
     return dressing.ended()
 
 
@@ -136,11 +136,10 @@ class _Dressing:
         (wearing,), avatar = outfit.wearing, outfit.avatar
         if wearing is None or avatar is None:
             raise ValueError("the garment has no openings, or the avatar no limbs")
-        self._wearing, self._avatar, self._device = wearing, avatar, device
+        self.wearing, self._avatar, self._device = wearing, avatar, device
         sewing = _sewing_scene(scene, offset)
         (garment,) = garments_in(sewing, outfit.meshes)
-        self._shift = wearing.shift(garment.points)
-        garment = replace(garment, points=garment.points + self._shift)
+        garment = replace(garment, points=garment.points + wearing.shift)
         self._body = PosedBody(avatar, wearing.skeleton)
         self._posed = curves_of(limb_routes(wearing, garment.points), wearing.skeleton, STATIONS)
         self._surface = self._body.points(self._posed, THIN)
@@ -153,18 +152,19 @@ class _Dressing:
         self._meet_body()
         self._iterations = 0
 
+    @cached_property
+    def _no_sleeves(self) -> list[Indices]:
+        """For each arm the triangles that are far from its opening."""
+        triangles, pairs = self.wearing.triangles, list(zip(self.wearing.openings, self.wearing.limbs, strict=True))
+        far = np.full(len(self._points), np.inf)
+        near = [np.min([far, *(each.distances for each, limbs in pairs if arm in limbs)], axis=0) for arm in ARMS]
+        return [triangles[(distances[triangles] > SLEEVE).all(axis=1)] for distances in near]
+
     @property
     def in_the_way(self) -> bool:
         """Whether cloth that is far from an arm's opening lies where the arm is at home."""
-        wearing, points, triangles = self._wearing, self._points, self._wearing.triangles
-        for arm in ARMS:
-            pairs = zip(wearing.openings, wearing.limbs, strict=True)
-            own = [opening.distances for opening, limbs in pairs if arm in limbs]
-            near = np.min([np.full(len(points), np.inf), *own], axis=0)
-            far = triangles[(near[triangles] > SLEEVE).all(axis=1)]
-            if curve_crossings(points, far, self._body.home[arm]):
-                return True
-        return False
+        points, home = self._points, self._body.home
+        return any(curve_crossings(points, far, home[arm]) > 0 for arm, far in zip(ARMS, self._no_sleeves, strict=True))
 
     def sew(self) -> None:
         """Relaxes until the seams have closed and nothing crosses.
@@ -176,21 +176,13 @@ class _Dressing:
             if not self._is_calm and float(edge_strains(self._problem.model).max(initial=0.0)) < SEWN:
                 break
 
-    @property
-    def hangs_from_waist(self) -> bool:
-        return self._wearing.hangs_from_waist
-
-    @property
-    def is_skirt(self) -> bool:
-        return self._wearing.hangs_from_waist and all(len(limbs) != 1 for limbs in self._wearing.limbs)
-
     def lift(self) -> None:
         """Moves the garment to where its highest opening started.
 
         Seams that close draw a wide skirt together, and what falls is too heavy for a waist to hold.
         """
-        up, points = self._wearing.skeleton.up, self._points
-        self._problem.model.set_points(points + (self._wearing.drop(points) + self._shift @ up) * up)
+        up, points = self.wearing.skeleton.up, self._points
+        self._problem.model.set_points(points + (self.wearing.drop(points) + self.wearing.shift @ up) * up)
         self._meet_body()
 
     def fall(self) -> None:
@@ -199,31 +191,41 @@ class _Dressing:
         before = self._points
         for _ in range(0, FALLING, CHECK):
             self._relax(CHECK)
-            if self.hangs_from_waist:
+            if self.wearing.hangs_from_waist:
                 self.lift()
             points = self._points
-            slow = float(((before - points) @ self._wearing.skeleton.up).max()) < SLOW
+            slow = float(((before - points) @ self.wearing.skeleton.up).max()) < SLOW
             if slow and not self.in_the_way:
                 break
             before = points
         self._set_weight(1.0)
 
-    def carry(self, first: int, last: int, *, limbs_go: bool = True, is_thick: bool = False) -> None:
-        """Takes the body home, or only lets it grow, in steps of a burst each."""
-        for step in range(first, last + 1):
-            done = step / last
-            before = self._surface
-            if limbs_go and step == last:
-                self._surface = self._avatar.points
+    def grow(self, steps: int) -> None:
+        """Lets the body grow in its pose, in steps of a burst each."""
+        for step in range(1, steps + 1):
+            self._take(1.0, _thickness(step / steps))
+
+    def carry_home(self, steps: int, *, is_grown: bool = False) -> None:
+        """Takes the body home, growing if it has not grown yet, in steps of a burst each."""
+        for step in range(1, steps):
+            done = step / steps
+            if is_grown:
+                self._take(1.0 - done, THICK)
             else:
-                thickness = THICK if is_thick else THIN + (THICK - THIN) * done**GROWTH
-                posed_for = 1.0 if is_thick else POSED_FOR
-                fraction = max(1.0 - done / posed_for, 0.0) if limbs_go else 1.0
-                self._surface = self._body.points(self._body.between(self._posed, fraction), thickness)
-            exact = build_exact_collider(replace(self._avatar, points=before), self._device)
-            self._problem.model.set_points(followed(exact, self._surface, self._points))
-            self._meet_body()
-            self._relax(BURST)
+                self._take(max(1.0 - done / POSED_FOR, 0.0), _thickness(done))
+        self._follow(self._avatar.points)
+
+    def _take(self, posed: float, thickness: float) -> None:
+        """Moves the body between home, 0, and its pose, 1; ``thickness`` [m]."""
+        self._follow(self._body.points(self._body.between(self._posed, posed), thickness))
+
+    def _follow(self, surface: Points) -> None:
+        """Moves the body's vertices there [m], and the cloth with them."""
+        exact = build_exact_collider(replace(self._avatar, points=self._surface), self._device)
+        self._surface = surface
+        self._problem.model.set_points(followed(exact, surface, self._points))
+        self._meet_body()
+        self._relax(BURST)
 
     def ended(self) -> _PosedStart:
         points = self._points
@@ -255,6 +257,11 @@ class _Dressing:
         self._iterations += count
         if problem.schedule is not None:
             problem.schedule.advance(self._iterations)
+
+
+def _thickness(done: float) -> float:
+    """What a growing body has at most around its curves after this fraction of its steps [m]."""
+    return THIN + (THICK - THIN) * done**GROWTH
 
 
 def _sewing_scene(scene: Scene, offset: float) -> Scene:

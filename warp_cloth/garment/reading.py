@@ -6,6 +6,7 @@ A file of another tool may state neither; round the body it shows, by the limbs 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -15,7 +16,7 @@ from warp_cloth.anatomy.skeleton import HEAD
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.units import METRES_PER, LengthUnit
-from warp_cloth.loading import AXIS_UNKNOWN, from_z_up, was_guessed
+from warp_cloth.loading import AXIS_UNKNOWN, Placement, from_z_up, was_guessed
 from warp_cloth.scene import GarmentSpec, Scene
 
 Value = str | tuple[float, float, float]
@@ -57,7 +58,7 @@ def _is_placed(spec: GarmentSpec) -> bool:
 
 def _scaled_or_stood_up(spec: GarmentSpec, mesh: Mesh, wearing: Wearing) -> Change | None:
     """Another unit or up axis, in which every opening is round its limbs, where none is as it was read."""
-    beside = {id(each.opening) for each in wearing.misplaced(wearing.start)}
+    beside = {id(each.opening) for each in wearing.misplaced_at_start}
     pairs = zip(wearing.openings, wearing.limbs, strict=True)
     if any(id(opening) not in beside for opening, limbs in pairs if limbs and limbs != (HEAD,)):
         return None
@@ -81,32 +82,31 @@ def _scaled_or_stood_up(spec: GarmentSpec, mesh: Mesh, wearing: Wearing) -> Chan
 def _sits(wearing: Wearing, points: Points) -> bool:
     """Whether every opening of the garment at ``points`` [m] is round the limbs that it is for there."""
     there = Wearing.of(wearing.openings, points, wearing.triangles, wearing.skeleton)
-    return all(there.limbs) and not there.misplaced(points)
+    return all(there.limbs) and not there.misplaced_at_start
 
 
 def _turned(wearing: Wearing) -> Change | None:
     """The turn about the body that brings a left and a right opening to its left and right; None: they are there."""
-    skeleton, points = wearing.skeleton, wearing.start
+    skeleton = wearing.skeleton
     across = _sideways(wearing)
     if across is None:
         return None
-    degrees = _about_y(across, skeleton.left)
+    degrees = _angle_about_y(across, skeleton.left)
     degrees -= 180.0 * round(degrees / 180.0)  # left and right look alike
     if abs(degrees) < TURNED:
         return None
     if abs(abs(degrees) - QUARTER) < SQUARE:
         degrees = float(np.copysign(QUARTER, degrees))
     front = _front(wearing)
-    if front is not None and _turn(front[None], degrees)[0] @ skeleton.forward < 0.0:
+    if front is not None and _about_y(degrees).moved(front) @ skeleton.forward < 0.0:
         degrees -= float(np.copysign(180.0, degrees))
     middle = skeleton.middle * [1.0, 0.0, 1.0]
-    moved = _turn(points - middle, degrees) + middle
-    there = Wearing.of(wearing.openings, moved, wearing.triangles, skeleton)
-    if len(there.misplaced(moved)) >= len(wearing.misplaced(points)):
+    x, y, z = (middle - _about_y(degrees).moved(middle)).tolist()
+    turn = replace(_about_y(degrees), translate=(x, y, z))
+    there = Wearing.of(wearing.openings, turn.moved(wearing.start), wearing.triangles, skeleton)
+    if len(there.misplaced_at_start) >= len(wearing.misplaced_at_start):
         return None
-    translate = middle - _turn(middle[None], degrees)[0]
-    x, y, z = translate.tolist()
-    changes: dict[str, Value] = {"rotate": (0.0, degrees, 0.0), "translate": (x, y, z)}
+    changes: dict[str, Value] = {"rotate": turn.rotate, "translate": turn.translate}
     return changes, "its openings for left and right lie before and behind the body"
 
 
@@ -137,13 +137,10 @@ def _front(wearing: Wearing) -> Points | None:
     return front
 
 
-def _about_y(before: Points, after: Points) -> float:
+def _about_y(degrees: float) -> Placement:
+    return Placement(rotate=(0.0, degrees, 0.0))
+
+
+def _angle_about_y(before: Points, after: Points) -> float:
     """The angle about the y axis from one horizontal direction to another [degrees]."""
     return float(np.degrees(np.arctan2(after[0], after[2]) - np.arctan2(before[0], before[2])))
-
-
-def _turn(points: Points, degrees: float) -> Points:
-    """Points turned about the y axis, as ``garment.rotate`` turns them; shape [N, 3]."""
-    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    turned: Points = points @ np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
-    return turned
