@@ -80,6 +80,7 @@ def run_batch(jobs: list[dict[str, str]], changes: list[str], given: argparse.Na
     ]
     words += ["--device", given.device] if given.device else []
     words += ["--workers", str(given.workers)] if given.workers else []
+    words += ["--shard", str(given.shard)] if given.shard else []
     subprocess.run(words, check=False)  # its exit status tells whether all are worn; the table says more
 
 
@@ -124,6 +125,7 @@ def main() -> None:
     parse.add_argument("--only", nargs="+", default=[], metavar="NAME")
     parse.add_argument("--device")
     parse.add_argument("--workers", type=int)
+    parse.add_argument("--shard", type=int, help="items a shard: small ones leave results where a run is cut off")
     parse.add_argument("--set", dest="changes", action="append", default=[], metavar="KEY=VALUE")
     add_write_option(parse)
     given = parse.parse_args()
