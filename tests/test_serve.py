@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 import os
 import signal
 import tempfile
@@ -29,8 +30,12 @@ from services import (
 )
 
 import warp_cloth
+from warp_cloth.batch.loading import LoadCache
 from warp_cloth.batch.rows import points_digest
 from warp_cloth.fitting.fit import Fit
+from warp_cloth.serve.answering import OrderTask, answer
+from warp_cloth.serve.catalogue import read_catalogue
+from warp_cloth.serve.orders import order_of, parsed
 
 pytest.importorskip("fastapi")
 pytest.importorskip("fastapi_offline")
@@ -85,8 +90,8 @@ def test_requests_at_once_each_get_their_own_garment(service: Running) -> None:
     assert len({digest for answer in before.values() for digest in digests(answer).values()}) == 9
     with ThreadPoolExecutor(QUEUE) as pool:
         at_once = list(pool.map(lambda radius: service.post(cheap_request(radius))[1], radii))
-    for radius, answer in zip(radii, at_once, strict=True):
-        assert digests(answer) == digests(before[radius])
+    for radius, found in zip(radii, at_once, strict=True):
+        assert digests(found) == digests(before[radius])
 
 
 def test_a_product_of_ones_own_needs_no_catalogue(service: Running) -> None:
@@ -161,14 +166,31 @@ def test_it_says_how_it_is_and_what_it_takes(service: Running) -> None:
     assert "swagger" in service.get("/docs")[1]
 
 
-def test_no_file_is_left_of_a_body(service: Running) -> None:
-    def folders() -> set[Path]:
-        return {path for place in SCRATCH if place.is_dir() for path in place.glob("warp_cloth_serve_*")}
+def folders() -> set[Path]:
+    return {path for place in SCRATCH if place.is_dir() for path in place.glob("warp_cloth_serve_*")}
 
+
+def files_left() -> list[Path]:
+    return [path for folder in folders() for path in folder.rglob("*") if path.suffix != ".lease"]
+
+
+def test_no_file_is_left_of_a_body(service: Running) -> None:
     assert service.post(cheap_request(0.3, ("S",), glb="worn"))[0] == 200
     assert service.post({"product": "cloth", "body": BODY})[0] in (200, 422)
-    left = [path for folder in folders() for path in folder.rglob("*") if path.suffix != ".lease"]
-    assert not left
+    assert not files_left()
+
+
+def test_a_worker_forgets_bodies_and_takes_over_what_another_left(tmp_path: Path) -> None:
+    (tmp_path / "catalogue.toml").write_text(CHEAP)
+    catalogue = read_catalogue([str(tmp_path / "catalogue.toml")])
+    order = order_of(parsed(json.dumps(cheap_request(0.3, ("S",))).encode()), catalogue, tmp_path / "0")
+    order.folder.mkdir()
+    (order.folder / "body.obj").write_bytes(b"half a file")
+    load_cache = LoadCache(0)
+    (reply,) = answer(OrderTask((order,), "cpu"), load_cache)
+    assert reply.status == 200, reply.content
+    assert not order.folder.exists()
+    assert load_cache.mesh_cache.count == load_cache.cache.count == load_cache.mesh_cache.drafts.count == 0
 
 
 def test_a_killed_worker_is_replaced_and_its_request_answered(service: Running) -> None:
@@ -184,9 +206,11 @@ def test_a_killed_worker_is_replaced_and_its_request_answered(service: Running) 
     assert digests(answer) == right
     assert service.workers() != [worker]
     assert service.get("/health")[1]["restarts"] >= 1
+    assert not files_left()
 
 
 def test_a_full_queue_and_late_answers_are_refused(tmp_path: Path) -> None:
+    others = folders()
     with started(tmp_path, "--timeout", "5") as service:
         (worker,) = service.workers()
         os.kill(worker, signal.SIGSTOP)
@@ -198,6 +222,10 @@ def test_a_full_queue_and_late_answers_are_refused(tmp_path: Path) -> None:
             assert {reply.result()[0] for reply in waiting} == {504}
         until(lambda: service.get("/health")[1]["fitting"] == 0)
         assert worker not in service.workers()  # it was ended
+        assert not files_left()
+        assert service.post(cheap_request(0.3, ("S",)))[0] == 200  # by another
+        service.process.kill()
+        until(lambda: folders() <= others)  # the workers have seen to it
 
 
 def until(condition: Any, seconds: float = 20.0) -> None:

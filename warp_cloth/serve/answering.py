@@ -6,6 +6,7 @@ import base64
 import contextlib
 import itertools
 import json
+import logging
 import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     from warp_cloth.batch.sizes import SizeFit
     from warp_cloth.fitting.fit import Fit
     from warp_cloth.scene import Scene
+
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -63,20 +67,33 @@ def answer(task: OrderTask, load_cache: LoadCache) -> list[Reply]:
     start_warp()
     if not device_answers(task.device):
         raise DeviceLostError(f"{task.device} does not respond")
+    try:
+        with _files(task.orders):
+            return _answered(task, load_cache)
+    except DeviceLostError:
+        raise
+    except OSError as error:  # no room for the files, or the service is ending
+        reason = f"no room for files ({error.strerror}); ask again later"
+        return [refused(HTTPStatus.SERVICE_UNAVAILABLE, reason)] * len(task.orders)
+    except Exception as error:
+        log.exception("requests cannot be answered")
+        return [_failure(error, task.device)] * len(task.orders)
+
+
+def _answered(task: OrderTask, load_cache: LoadCache) -> list[Reply]:
     began = time.perf_counter()
-    with _files(task.orders):
-        known = set(load_cache.mesh_cache.portable_entries())
-        scenes = [_scenes(order) for order in task.orders]
-        usable = [scene for own in scenes for scene in own.values() if not isinstance(scene, str)]
-        try:
-            fits = _fitted(task, usable, load_cache)
-            replies = []
-            for order, own in zip(task.orders, scenes, strict=True):
-                found = {size: scene if isinstance(scene, str) else next(fits) for size, scene in own.items()}
-                replies.append(_reply(order, found, task.device, time.perf_counter() - began))
-            return replies
-        finally:
-            _forget_bodies(load_cache, known, usable)
+    known = set(load_cache.mesh_cache.portable_entries())
+    scenes = [_scenes(order) for order in task.orders]
+    usable = [scene for own in scenes for scene in own.values() if not isinstance(scene, str)]
+    try:
+        fits = _fitted(task, usable, load_cache)
+        replies = []
+        for order, own in zip(task.orders, scenes, strict=True):
+            found = {size: scene if isinstance(scene, str) else next(fits) for size, scene in own.items()}
+            replies.append(_reply(order, found, task.device, time.perf_counter() - began))
+        return replies
+    finally:
+        _forget_bodies(load_cache, known, usable)
 
 
 @contextlib.contextmanager
@@ -84,6 +101,7 @@ def _files(orders: Sequence[Order]) -> Iterator[None]:
     """The files of orders, while they are read."""
     try:
         for order in orders:
+            shutil.rmtree(order.folder, ignore_errors=True)  # of a worker that died
             order.folder.mkdir(mode=0o700)  # not its parents: without them the service has ended
             for file in order.files:
                 (order.folder / file.name).write_bytes(file.data)

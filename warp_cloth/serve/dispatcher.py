@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
+import shutil
 import threading
 import time
 from collections.abc import Sequence
@@ -42,7 +43,9 @@ class Waiting:
     abandoned: bool = False  # whoever asked has gone
 
     def answer(self, reply: Reply) -> None:
+        """Answers it, unless it has been; its files are gone by then, whoever wrote them."""
         if not self.future.done():
+            shutil.rmtree(self.order.folder, ignore_errors=True)
             self.future.set_result(reply)
 
 
@@ -171,7 +174,9 @@ class Dispatcher:
         slot.stop()
         with self._lock:
             self._restarts += 1
-            del self._fitting[index]
+            task = self._fitting.pop(index)
+        for waiting in task:
+            shutil.rmtree(waiting.order.folder, ignore_errors=True)  # what it wrote since it was answered
 
     def _assign(self) -> None:
         """Gives every idle worker a task, while there are orders."""
