@@ -48,16 +48,19 @@ SCRATCH = [Path("/dev/shm"), Path(tempfile.gettempdir())]
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    with started(tmp_path_factory.mktemp("serve"), "--max-mb", "0.2") as service:
+    folder = tmp_path_factory.mktemp("serve")
+    with started(folder, "--max-mb", "0.2", environment={"WARP_CLOTH_CACHE": str(folder / "cache")}) as service:
         yield service
+    assert not (folder / "cache").exists()  # where a fit of one's own may keep what it made for a body
 
 
 @contextmanager
-def started(folder: Path, *limits: str) -> Iterator[Running]:
+def started(folder: Path, *limits: str, environment: dict[str, str] | None = None) -> Iterator[Running]:
     """A service of the cheap product with one worker, which has compiled its kernels."""
     catalogue = folder / "catalogue.toml"
     catalogue.write_text(CHEAP)
-    with running(str(catalogue), "--device", "cpu", "--workers", "1", "--queue", str(QUEUE), *limits) as service:
+    words = [str(catalogue), "--device", "cpu", "--workers", "1", "--queue", str(QUEUE), *limits]
+    with running(*words, environment=environment) as service:
         service.until_warm()
         yield service
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import signal
 import socket
@@ -46,6 +47,7 @@ def serve(
     Raises:
         InputError: a product, the device or the address cannot be used, or workers cannot start.
     """
+    os.environ["WARP_CLOTH_CACHE"] = "off"  # of bodies and their fields, on disk; workers inherit it
     start_forkserver(device)  # while this process imports
     limits = limits or Limits()
     catalogue = read_catalogue(products)
