@@ -6,6 +6,7 @@ import base64
 import json
 import os
 import signal
+import socket
 import tempfile
 import time
 from collections.abc import Iterator
@@ -48,9 +49,11 @@ SCRATCH = [Path("/dev/shm"), Path(tempfile.gettempdir())]
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    folder = tmp_path_factory.mktemp("serve")
+    folder, others = tmp_path_factory.mktemp("serve"), folders()
     with started(folder, "--max-mb", "0.2", environment={"WARP_CLOTH_CACHE": str(folder / "cache")}) as service:
         yield service
+        service.process.kill()
+        until(lambda: folders() <= others)  # the workers have seen to it
     assert not (folder / "cache").exists()  # where a fit of one's own may keep what it made for a body
 
 
@@ -153,6 +156,29 @@ def test_a_mesh_may_not_name_other_files(service: Running, tmp_path: Path) -> No
     assert "names another file" in answer["error"]
 
 
+def test_orders_of_one_task_each_get_their_own_reply(tmp_path: Path) -> None:
+    (tmp_path / "catalogue.toml").write_text(CHEAP)
+    catalogue = read_catalogue([str(tmp_path / "catalogue.toml")])
+    requests = [
+        cheap_request(0.3, ("S",)),
+        {"product": "cloth", "body": {"mesh": mesh_file(b"no mesh")}},
+        cheap_request(0.2, ("L", "S"), maps=["gap"]),
+    ]
+    orders = [
+        order_of(parsed(json.dumps(each).encode()), catalogue, tmp_path / str(number))
+        for number, each in enumerate(requests)
+    ]
+    together = answer(OrderTask(tuple(orders), "cpu"), LoadCache(0))
+    assert [reply.status for reply in together] == [200, 422, 200]
+    for order, reply in zip(orders, together, strict=True):
+        (alone,) = answer(OrderTask((order,), "cpu"), LoadCache(0))
+        assert alone.status == reply.status
+        if reply.status == 200:
+            said, right = json.loads(reply.content), json.loads(alone.content)
+            assert said.pop("seconds") > 0 < right.pop("seconds")
+            assert said == right
+
+
 def test_wrong_paths_and_kinds_are_refused_likewise(service: Running) -> None:
     assert service.get("/nothing")[0] == 404
     assert service.get("/fit")[0] == 405
@@ -212,23 +238,49 @@ def test_a_killed_worker_is_replaced_and_its_request_answered(service: Running) 
     assert not files_left()
 
 
-def test_a_full_queue_and_late_answers_are_refused(tmp_path: Path) -> None:
+def test_what_cannot_be_answered_in_time_is_refused(tmp_path: Path) -> None:
     others = folders()
-    with started(tmp_path, "--timeout", "5") as service:
+    request = cheap_request(0.3, ("S",))
+    with started(tmp_path, "--timeout", "5") as service, ThreadPoolExecutor(QUEUE) as pool:
         (worker,) = service.workers()
         os.kill(worker, signal.SIGSTOP)
-        with ThreadPoolExecutor(QUEUE) as pool:
-            waiting = [pool.submit(service.post, cheap_request(0.3, ("S",))) for _ in range(QUEUE)]
-            until(lambda: sum(service.get("/health")[1][each] for each in ("waiting", "fitting")) == QUEUE)
-            status, answer = service.post(cheap_request(0.3, ("S",)))
-            assert (status, answer["error"]) == (503, "the queue is full; ask again later")
-            assert {reply.result()[0] for reply in waiting} == {504}
-        until(lambda: service.get("/health")[1]["fitting"] == 0)
+        waiting = [pool.submit(service.post, request) for _ in range(QUEUE)]
+        until(lambda: at_work(service) == QUEUE)
+        assert service.post(request) == (503, {"error": "the queue is full; ask again later"})
+        assert {reply.result()[0] for reply in waiting} == {504}
+        until(lambda: at_work(service) == 0)
         assert worker not in service.workers()  # it was ended
         assert not files_left()
-        assert service.post(cheap_request(0.3, ("S",)))[0] == 200  # by another
-        service.process.kill()
-        until(lambda: folders() <= others)  # the workers have seen to it
+        assert service.post(request)[0] == 200  # by another
+
+        (worker,) = service.workers()
+        os.kill(worker, signal.SIGSTOP)
+        first = pool.submit(service.post, request)
+        until(lambda: at_work(service) == 1)
+        with leaving(service, request):
+            until(lambda: at_work(service) == 2)
+        until(lambda: at_work(service) == 1)  # nobody waits for that one
+        service.process.send_signal(signal.SIGTERM)
+        assert first.result() == (503, {"error": "the service is ending; ask again later"})
+        assert service.process.wait(30) == 128 + signal.SIGTERM
+        assert folders() <= others
+
+
+def at_work(service: Running) -> int:
+    """Requests that wait or are being fitted."""
+    health = service.get("/health")[1]
+    return int(health["waiting"] + health["fitting"])
+
+
+@contextmanager
+def leaving(service: Running, content: Any) -> Iterator[None]:
+    """Asks, and goes away at the end of the block without an answer."""
+    host, port = service.address.removeprefix("http://").split(":")
+    data = json.dumps(content).encode()
+    head = f"POST /fit HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: {len(data)}\r\n\r\n"
+    with socket.create_connection((host, int(port))) as connection:
+        connection.sendall(head.encode() + data)
+        yield
 
 
 def until(condition: Any, seconds: float = 20.0) -> None:

@@ -41,6 +41,7 @@ class Duty:
     module: str = "warp_cloth.batch.task"
     function: str = "do_task"
     scratch: Path | None = None  # a folder that nothing is left of, even where the process that asked is killed
+    threads: bool = False  # whether it may use several, although no processes load for it
 
 
 SHARDS = Duty()  # of a batch
@@ -71,7 +72,7 @@ def _start(device: str, loader_count: int, rank: int, duty: Duty) -> Any:
 
     import_module(duty.module)  # what fails is reported
     load_cache = LoadCache(loader_count, fork=True, rank=rank)  # before this process has threads and a device
-    (end_with_parent if loader_count else start_single_threaded)(duty.scratch)
+    (end_with_parent if loader_count or duty.threads else start_single_threaded)(duty.scratch)
     sys.setswitchinterval(SWITCH_INTERVAL)
     gc.disable()  # until the first imports and loads are done: none of that is garbage
     if device != "cpu":

@@ -70,6 +70,11 @@ class Service:
         if waiting is not None:
             waiting.future.add_done_callback(lambda future: _report_warm_up(future.result()))
 
+    async def end(self) -> None:
+        """Refuses what waits, and ends the workers."""
+        self.ending = True
+        await asyncio.to_thread(self.dispatcher.close)
+
     async def fit(self, request: Request) -> Reply:
         """The reply to one request."""
         kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
@@ -161,8 +166,7 @@ def make_app(service: Service) -> FastAPI:
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         service.warm_up()
         yield
-        service.ending = True
-        await asyncio.to_thread(service.dispatcher.close)
+        await service.end()
 
     app: FastAPI = FastAPIOffline(
         title="warp-cloth", version=version("warp-cloth"), description=ABOUT, lifespan=lifespan, redoc_url=None

@@ -66,14 +66,15 @@ class Dispatcher:
     ``scratch`` is an empty folder in which orders have theirs.
     """
 
-    def __init__(self, devices: Sequence[str], limits: Limits, scratch: Path) -> None:
+    def __init__(self, devices: list[str], limits: Limits, scratch: Path) -> None:
         self._limits, self._scratch = limits, scratch
-        duty = Duty("warp_cloth.serve.answering", "answer", scratch)
-        ranks = [list(devices[:number]).count(device) for number, device in enumerate(devices)]
-        self._slots = [
-            WorkerSlot(device, 1.0 / devices.count(device), 0, rank, duty)
-            for device, rank in zip(devices, ranks, strict=True)
-        ]
+        self._slots = []
+        for number, device in enumerate(devices):
+            count = devices.count(device)
+            # a worker beside others on the CPU has one core; nobody loads for it, whose memory could not be emptied
+            threads = device != "cpu" or count == 1
+            duty = Duty("warp_cloth.serve.answering", "answer", scratch, threads)
+            self._slots.append(WorkerSlot(device, 1.0 / count, 0, devices[:number].count(device), duty))
         self._queue: list[Waiting] = []
         self._fitting: dict[int, list[Waiting]] = {}  # by the slot's index
         self._lock = threading.Lock()
