@@ -100,11 +100,14 @@ def test_requests_at_once_each_get_their_own_garment(service: Running) -> None:
         assert digests(found) == digests(before[radius])
 
 
-def test_a_product_of_ones_own_needs_no_catalogue(service: Running) -> None:
-    product = {"garments": {"only": mesh_file(square_cloth())}, "fabric": "jersey"}
-    status, answer = service.post({"product": product, "body": {"mesh": mesh_file(ball(0.25))}})
+def test_a_garment_of_ones_own_needs_no_catalogue(service: Running) -> None:
+    garments = {"only": mesh_file(square_cloth()), "../none": mesh_file(b"v")}
+    request = {"garments": garments, "fabric": "jersey", "body": {"mesh": mesh_file(ball(0.25))}}
+    status, answer = service.post(request)
     assert status == 200, answer
-    assert [(each["size"], each["worn"]) for each in answer["sizes"]] == [("only", True)]
+    assert [(each["size"], each["worn"]) for each in answer["sizes"]] == [("only", True), ("../none", False)]
+    assert answer["sizes"][1]["message"].startswith("garment_1.obj:1: ")
+    assert answer["recommended"] == "only"
 
 
 BODY = {"mesh": mesh_file(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")}
@@ -120,7 +123,9 @@ BODY = {"mesh": mesh_file(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")}
         ({"product": "cloth"}, 422, "body: is missing"),
         ({"product": "clot", "body": BODY}, 422, "did you mean cloth?"),
         ({"product": "../../etc/passwd", "body": BODY}, 422, "no product"),
-        ({"product": 5, "body": BODY}, 422, "product"),
+        ({"product": 5, "body": BODY}, 422, "product: must be a string, not 5"),
+        ({"body": BODY}, 422, "either product or garments"),
+        ({"garments": {str(n): mesh_file(b"v") for n in range(17)}, "body": BODY}, 422, "garments"),
         ({"product": "cloth", "body": {}}, 422, "either mesh or measures"),
         ({"product": "cloth", "body": {"measures": {"chest": 1e300}}}, 422, "from 0.7 to 1.5"),
         (b'{"product": "cloth", "body": {"measures": {"chest": NaN}}}', 422, "chest"),

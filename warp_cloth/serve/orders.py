@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import binascii
 import json
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,9 +18,10 @@ from warp_cloth.material.fabric import shipped_fabrics
 from warp_cloth.scene.messages import nearest, scene_error, show
 from warp_cloth.scene.wearables import AvatarSpec
 from warp_cloth.serve.catalogue import Offer, OfferedProduct, product_named
-from warp_cloth.serve.schema import MOST_SIZES, FitRequest, MeshFile, OwnProduct
+from warp_cloth.serve.schema import MOST_SIZES, FitRequest, MeshFile
 
-OWN = "own product"
+OWN = "own garment"
+SIMPLE = re.compile(r"[A-Za-z0-9-]{1,40}")  # names of sizes that a file can have, too
 
 
 @dataclass(frozen=True)
@@ -69,17 +71,11 @@ def order_of(request: FitRequest, catalogue: dict[str, OfferedProduct], folder: 
         InputError: there is no such product, size, fabric or map, or a file is not base64.
     """
     files: list[FileBytes] = []
-    if isinstance(request.product, OwnProduct):
-        own = request.product
-        name, fabrics = OWN, {each: each for each in shipped_fabrics()}
-        friction, offers = AvatarSpec.model_fields["friction"].default, {}
-        for number, (size, mesh) in enumerate(own.garments.items()):
-            path = _file(mesh, f"garment_{number}", f"product.garments.{size}", folder, files)
-            keys = {"mesh": path, "fabric": own.fabric, **_stated(mesh)}
-            offers[size] = Offer("", (f"garment={toml_text(keys)}",), ("garment",), friction)
-        _chosen_fabric(own.fabric, fabrics, "product.fabric")
+    if request.garments is not None:
+        name, offers = OWN, _own_offers(request.garments, folder, files)
+        fabrics = {each: each for each in shipped_fabrics()}
     else:
-        product = product_named(catalogue, request.product)
+        product = product_named(catalogue, request.product or "")
         name, offers, fabrics = product.name, product.sizes, product.fabrics
     chosen = _chosen_sizes(request.sizes, offers)
     fabric = None if request.fabric is None else _chosen_fabric(request.fabric, fabrics, "fabric")
@@ -95,6 +91,17 @@ def order_of(request: FitRequest, catalogue: dict[str, OfferedProduct], folder: 
         sizes[size] = offer.scene, tuple(changes)
     maps = chosen_maps(request.maps)
     return Order(name, sizes, tuple(files), folder, 1e-2 * request.ease_cm, maps, request.glb)
+
+
+def _own_offers(garments: dict[str, MeshFile], folder: Path, files: list[FileBytes]) -> dict[str, Offer]:
+    """The sizes of a garment that came with its request."""
+    friction = AvatarSpec.model_fields["friction"].default
+    offers = {}
+    for number, (size, mesh) in enumerate(garments.items()):
+        stem = f"garment_{size if SIMPLE.fullmatch(size) else number}"
+        keys = {"mesh": _file(mesh, stem, f"garments.{size}", folder, files), **_stated(mesh)}
+        offers[size] = Offer("", (f"garment={toml_text(keys)}",), ("garment",), friction)
+    return offers
 
 
 def _stated(mesh: MeshFile) -> dict[str, str]:

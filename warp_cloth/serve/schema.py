@@ -41,17 +41,8 @@ class Body(Table):
         return self
 
 
-class OwnProduct(Table):
-    """A garment that the service does not know: a mesh for each size."""
-
-    garments: dict[Text, MeshFile] = Field(
-        min_length=1, max_length=MOST_SIZES, description="A mesh file for each size, from small to large."
-    )
-    fabric: Text = Field(default="default", description="A shipped fabric.")
-
-
 class FitRequest(Table):
-    """A body and a product."""
+    """A body, and a product or a garment of your own."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -65,19 +56,38 @@ class FitRequest(Table):
                     "maps": ["gap", "pressure"],
                     "glb": "garment",
                 },
+                {
+                    "garments": {"38": {"data": "diAwIDAgMAo=", "format": "obj"}},
+                    "fabric": "denim",
+                    "body": {"measures": {"stature": 1.7, "chest": 0.94}},
+                },
             ]
         }
     )
 
-    product: Text | OwnProduct = Field(description="A product's name (see /products), or a garment of your own.")
+    product: Text | None = Field(default=None, description="A product's name (see /products).")
+    garments: dict[Text, MeshFile] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=MOST_SIZES,
+        description="Or a garment of your own: a mesh for each size, from small to large.",
+    )
     body: Body
     sizes: tuple[Text, ...] | None = Field(
         default=None, min_length=1, max_length=MOST_SIZES, description="Sizes to fit; by default all."
     )
-    fabric: Text | None = Field(default=None, description="Another of the product's fabrics (see /products).")
+    fabric: Text | None = Field(
+        default=None, description="Another of the product's fabrics (see /products), or a shipped one of your garment."
+    )
     ease_cm: Real = Field(default=4.0, ge=-200, le=200, description="Wanted at chest, waist and hip [cm].")
     maps: tuple[Text, ...] = Field(default=(), max_length=16, description="Fit maps: strain, pressure, gap, or all.")
     glb: Contents = Field(default="none", description="Worn meshes as .glb: the garment alone, or on its body.")
+
+    @model_validator(mode="after")
+    def _one(self) -> FitRequest:
+        if (self.product is None) == (self.garments is None):
+            raise refusal("a request needs either product or garments", "give one of them")
+        return self
 
 
 class Problem(Table):
