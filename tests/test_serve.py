@@ -37,6 +37,7 @@ from warp_cloth.fitting.fit import Fit
 from warp_cloth.serve.answering import OrderTask, answer
 from warp_cloth.serve.catalogue import read_catalogue
 from warp_cloth.serve.orders import order_of, parsed
+from warp_cloth.serve.schema import ANSWER, EXAMPLES, FitAnswer
 
 pytest.importorskip("fastapi")
 pytest.importorskip("fastapi_offline")
@@ -80,6 +81,7 @@ def test_answers_have_the_bits_of_fit(service: Running, tmp_path: Path) -> None:
     request = cheap_request(0.3, ("M", "L"), maps=["gap"], glb="worn")
     status, answer = service.post(request)
     assert status == 200, answer
+    FitAnswer.model_validate(answer)
     assert [each["size"] for each in answer["sizes"]] == ["M", "L"]
     for each in answer["sizes"]:
         fit = alone(tmp_path, 0.3, each["size"], maps="gap")
@@ -196,7 +198,10 @@ def test_it_says_how_it_is_and_what_it_takes(service: Running) -> None:
     health = service.get("/health")[1]
     assert (health["status"], health["waiting"], health["device"]) == ("ok", 0, "cpu")
     schema = service.get("/openapi.json")[1]
-    assert schema["components"]["schemas"]["FitRequest"]["examples"]
+    assert schema["components"]["schemas"]["FitRequest"]["examples"] == list(EXAMPLES.values())
+    for example in EXAMPLES.values():
+        parsed(json.dumps(example).encode())
+    FitAnswer.model_validate(ANSWER)
     assert "swagger" in service.get("/docs")[1]
 
 

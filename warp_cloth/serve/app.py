@@ -24,7 +24,7 @@ from warp_cloth.serve.catalogue import OfferedProduct
 from warp_cloth.serve.dispatcher import Dispatcher, Waiting
 from warp_cloth.serve.limits import Limits
 from warp_cloth.serve.orders import Order, order_of, parsed
-from warp_cloth.serve.schema import FitAnswer, Health, Product, Refusal, openapi_models
+from warp_cloth.serve.schema import EXAMPLES, FitAnswer, Health, Product, Refusal, openapi_models
 
 log = logging.getLogger(__name__)
 
@@ -187,7 +187,8 @@ def make_app(service: Service) -> FastAPI:
 
 def _add_paths(app: FastAPI, service: Service) -> None:
     # the body is read here, piece by piece within the limits, not by the framework
-    contents = {JSON: {"schema": {"$ref": "#/components/schemas/FitRequest"}}}
+    examples = {name: {"value": value} for name, value in EXAMPLES.items()}
+    contents = {JSON: {"schema": {"$ref": "#/components/schemas/FitRequest"}, "examples": examples}}
     extra = {"requestBody": {"required": True, "content": contents}}
 
     @app.post("/fit", response_model=FitAnswer, responses=REFUSALS, openapi_extra=extra)

@@ -41,29 +41,28 @@ class Body(Table):
         return self
 
 
+EXAMPLES: dict[str, Any] = {
+    "a person's measures": {"product": "tshirt", "body": {"measures": {"chest": 1.02, "waist": 0.9}}},
+    "a scan, with maps and meshes": {
+        "product": "tshirt",
+        "sizes": ["M", "L"],
+        "body": {"mesh": {"data": "diAwIDAgMAo=", "format": "obj", "units": "cm"}},
+        "fabric": "denim",
+        "maps": ["gap", "pressure"],
+        "glb": "garment",
+    },
+    "a garment of your own": {
+        "garments": {"38": {"data": "diAwIDAgMAo=", "format": "obj"}},
+        "fabric": "denim",
+        "body": {"measures": {"stature": 1.7, "chest": 0.94}},
+    },
+}
+
+
 class FitRequest(Table):
     """A body, and a product or a garment of your own."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {"product": "tshirt", "body": {"measures": {"chest": 1.02, "waist": 0.9}}},
-                {
-                    "product": "tshirt",
-                    "sizes": ["M", "L"],
-                    "body": {"mesh": {"data": "diAwIDAgMAo=", "format": "obj", "units": "cm"}},
-                    "fabric": "denim",
-                    "maps": ["gap", "pressure"],
-                    "glb": "garment",
-                },
-                {
-                    "garments": {"38": {"data": "diAwIDAgMAo=", "format": "obj"}},
-                    "fabric": "denim",
-                    "body": {"measures": {"stature": 1.7, "chest": 0.94}},
-                },
-            ]
-        }
-    )
+    model_config = ConfigDict(json_schema_extra={"examples": list(EXAMPLES.values())})
 
     product: Text | None = Field(default=None, description="A product's name (see /products).")
     garments: dict[Text, MeshFile] | None = Field(
@@ -128,8 +127,36 @@ class SizeAnswer(Table):
     glb: str | None = Field(description="The .glb file in base64.")
 
 
+ANSWER: dict[str, Any] = {
+    "product": "tshirt",
+    "recommended": "M",
+    "reason": "it leaves 6.1 cm at the hip, where it is closest; it is the smallest size.",
+    "sizes": [
+        {
+            "size": "M",
+            "status": "at_rest",
+            "worn": True,
+            "verdict": "worn",
+            "message": "At rest after 3,200 iterations: forces balance to 0.062 %, and the shape is within 0.79 mm of "
+            "its rest shape.",
+            "problems": [],
+            "ease_cm": {"chest": 6.335, "waist": 18.51, "hip": 6.089},
+            "strain_p99": 0.0333,
+            "rest_error_mm": 0.786,
+            "iterations": 3200,
+            "digest": "5e6516c3a7d062f93db626a0d307082d",
+            "maps": {},
+            "glb": None,
+        }
+    ],
+    "seconds": 5.0,
+}
+
+
 class FitAnswer(Table):
     """Every size on the body, and which to take."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [ANSWER]})
 
     product: str
     recommended: str | None
