@@ -175,7 +175,7 @@ def test_orders_of_one_task_each_get_their_own_reply(tmp_path: Path) -> None:
         order_of(parsed(json.dumps(each).encode()), catalogue, tmp_path / str(number))
         for number, each in enumerate(requests)
     ]
-    together = answer(OrderTask(tuple(orders), "cpu"), LoadCache(0))
+    together = answer(OrderTask(tuple(orders), "cpu", lease=tmp_path / "cpu.lease"), LoadCache(0))
     assert [reply.status for reply in together] == [200, 422, 200]
     for order, reply in zip(orders, together, strict=True):
         (alone,) = answer(OrderTask((order,), "cpu"), LoadCache(0))
