@@ -172,7 +172,7 @@ def test_orders_of_one_task_each_get_their_own_reply(tmp_path: Path) -> None:
         cheap_request(0.2, ("L", "S"), maps=["gap"]),
     ]
     orders = [
-        order_of(parsed(json.dumps(each).encode()), catalogue, tmp_path / str(number))
+        order_of(parsed(json.dumps(each).encode()), catalogue, tmp_path / str(number)).written()
         for number, each in enumerate(requests)
     ]
     together = answer(OrderTask(tuple(orders), "cpu", lease=tmp_path / "cpu.lease"), LoadCache(0))
@@ -223,13 +223,16 @@ def test_a_worker_forgets_bodies_and_takes_over_what_another_left(tmp_path: Path
     (tmp_path / "catalogue.toml").write_text(CHEAP)
     catalogue = read_catalogue([str(tmp_path / "catalogue.toml")])
     order = order_of(parsed(json.dumps(cheap_request(0.3, ("S",))).encode()), catalogue, tmp_path / "0")
-    order.folder.mkdir()
-    (order.folder / "body.obj").write_bytes(b"half a file")
-    load_cache = LoadCache(0)
-    (reply,) = answer(OrderTask((order,), "cpu"), load_cache)
-    assert reply.status == 200, reply.content
     assert not order.folder.exists()
-    assert load_cache.mesh_cache.count == load_cache.cache.count == load_cache.mesh_cache.drafts.count == 0
+    for _ in range(2):
+        sent = order.written()
+        assert not sent.files
+        load_cache = LoadCache(0)
+        (reply,) = answer(OrderTask((sent,), "cpu"), load_cache)
+        assert reply.status == 200, reply.content
+        assert load_cache.mesh_cache.count == load_cache.cache.count == load_cache.mesh_cache.drafts.count == 0
+    order.remove()
+    assert not order.folder.exists()
 
 
 def test_a_killed_worker_is_replaced_and_its_request_answered(service: Running) -> None:

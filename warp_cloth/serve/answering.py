@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import base64
-import contextlib
 import itertools
 import json
 import logging
-import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -68,13 +66,9 @@ def answer(task: OrderTask, load_cache: LoadCache) -> list[Reply]:
     if not device_answers(task.device):
         raise DeviceLostError(f"{task.device} does not respond")
     try:
-        with _files(task.orders):
-            return _answered(task, load_cache)
+        return _answered(task, load_cache)
     except DeviceLostError:
         raise
-    except OSError as error:  # no room for the files, or the service is ending
-        reason = f"no room for files ({error.strerror}); ask again later"
-        return [refused(HTTPStatus.SERVICE_UNAVAILABLE, reason)] * len(task.orders)
     except Exception as error:
         log.exception("requests cannot be answered")
         return [_failure(error, task.device)] * len(task.orders)
@@ -94,21 +88,6 @@ def _answered(task: OrderTask, load_cache: LoadCache) -> list[Reply]:
         return replies
     finally:
         _forget_bodies(load_cache, known, usable)
-
-
-@contextlib.contextmanager
-def _files(orders: Sequence[Order]) -> Iterator[None]:
-    """The files of orders, while they are read."""
-    try:
-        for order in orders:
-            shutil.rmtree(order.folder, ignore_errors=True)  # of a worker that died
-            order.folder.mkdir(mode=0o700)  # not its parents: without them the service has ended
-            for file in order.files:
-                (order.folder / file.name).write_bytes(file.data)
-        yield
-    finally:
-        for order in orders:
-            shutil.rmtree(order.folder, ignore_errors=True)
 
 
 def _scenes(order: Order) -> dict[str, Scene | str]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
-import shutil
 import threading
 import time
 from collections.abc import Sequence
@@ -45,7 +44,7 @@ class Waiting:
     def answer(self, reply: Reply) -> None:
         """Answers it, unless it has been; its files are gone by then, whoever wrote them."""
         if not self.future.done():
-            shutil.rmtree(self.order.folder, ignore_errors=True)
+            self.order.remove()
             self.future.set_result(reply)
 
 
@@ -177,7 +176,7 @@ class Dispatcher:
             self._restarts += 1
             task = self._fitting.pop(index)
         for waiting in task:
-            shutil.rmtree(waiting.order.folder, ignore_errors=True)  # what it wrote since it was answered
+            waiting.order.remove()  # what it wrote since it was answered
 
     def _assign(self) -> None:
         """Gives every idle worker a task, while there are orders."""
@@ -195,15 +194,15 @@ class Dispatcher:
                     return
                 self._queue = [each for each in self._queue if each not in chosen]
                 self._fitting[index] = chosen
-            lease = self._scratch / f"{slot.device.replace(':', '_')}.lease"
-            shares = slot.fraction < 1.0 and slot.device != "cpu"
-            task = OrderTask(
-                tuple(each.order for each in chosen), slot.device, slot.fraction, lease if shares else None
-            )
             try:
-                slot.assign(task)
-            except InputError as error:  # no process can start
-                self._cannot(index, str(error))
+                orders = tuple(each.order.written() for each in chosen)
+                lease = self._scratch / f"{slot.device.replace(':', '_')}.lease"
+                shares = slot.fraction < 1.0 and slot.device != "cpu"
+                slot.assign(OrderTask(orders, slot.device, slot.fraction, lease if shares else None))
+            except OSError as error:
+                self._refuse(index, f"no room for files ({error.strerror}); ask again later")
+            except InputError as error:
+                self._cannot_start(index, str(error))
 
     def _next(self, device: str) -> list[Waiting]:
         """The orders of the next task, oldest first: one on the CPU, which fits one after another anyway.
@@ -239,7 +238,7 @@ class Dispatcher:
         try:
             received = slot.receive()
         except InputError as error:
-            self._cannot(index, str(error))
+            self._cannot_start(index, str(error))
             return
         if slot.process is None or isinstance(received, Lost):
             with self._lock:
@@ -267,13 +266,17 @@ class Dispatcher:
         with self._lock:
             self._queue = [*(each for each in left if not each.future.done()), *self._queue]
 
-    def _cannot(self, index: int, reason: str) -> None:
+    def _cannot_start(self, index: int, reason: str) -> None:
         """Refuses a task for which no worker can be started."""
         log.error(reason)
         slot = self._slots[index]
         slot.task = None
         slot.stop()
+        self._refuse(index, "no worker can start; ask again later")
+
+    def _refuse(self, index: int, reason: str) -> None:
+        """Refuses the orders of a task that is not begun."""
         with self._lock:
             task = self._fitting.pop(index, [])
         for waiting in task:
-            waiting.answer(refused(HTTPStatus.SERVICE_UNAVAILABLE, "no worker can start; ask again later"))
+            waiting.answer(refused(HTTPStatus.SERVICE_UNAVAILABLE, reason))

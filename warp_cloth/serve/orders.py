@@ -6,7 +6,8 @@ import base64
 import binascii
 import json
 import re
-from dataclasses import dataclass, field
+import shutil
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -26,7 +27,7 @@ SIMPLE = re.compile(r"[A-Za-z0-9-]{1,40}")  # names of sizes that a file can hav
 
 @dataclass(frozen=True)
 class FileBytes:
-    """A mesh file of a request: it exists in the order's folder while a worker reads it."""
+    """A mesh file of a request, which exists in the order's folder while that is worked on."""
 
     name: str
     data: bytes = field(repr=False)
@@ -43,6 +44,22 @@ class Order:
     ease: float  # wanted [m]
     maps: tuple[str, ...]
     glb: str
+
+    def written(self) -> Order:
+        """This order with its files in its folder and no longer here: it goes to a worker in a few bytes.
+
+        Raises:
+            OSError: there is no room.
+        """
+        self.remove()  # what a worker has left that died
+        self.folder.mkdir(mode=0o700)
+        for file in self.files:
+            (self.folder / file.name).write_bytes(file.data)
+        return replace(self, files=())
+
+    def remove(self) -> None:
+        """Removes the folder, if it is there."""
+        shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def parsed(raw: bytes) -> FitRequest:
