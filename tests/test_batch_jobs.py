@@ -12,6 +12,7 @@ import pytest
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch import Item, read_jobs
+from warp_cloth.batch.jobs import read_products
 from warp_cloth.scene import load_scene
 
 ROWS: list[dict[str, Any]] = [
@@ -101,6 +102,29 @@ def test_a_product_has_every_combination_once_the_last_axis_fastest(tmp_path: Pa
     scene = load_scene(items[-1].scene, items[-1].changes)
     assert (scene.garments[0].shape.size, scene.avatar.shape.stature) == ("L", 1.6)
     assert (scene.garments[0].fabric.name, scene.solver.iterations) == ("denim", 50)
+
+
+def test_what_a_size_changes_leaves_the_keys_beside_it(tmp_path: Path) -> None:
+    jobs = write(
+        tmp_path,
+        "jobs.toml",
+        'scene = "sphere"\ngarment.shape.vertices_per_side = 7\n'
+        '[product]\nsizes = [{name = "S", garment.shape.side = 0.5}]\n',
+    )
+    (item,) = read_jobs(jobs)
+    assert item.changes == ("garment.shape.vertices_per_side=7", "garment.shape.side=0.5")
+
+
+def test_a_catalogue_has_each_garment_by_size_and_no_bodies(tmp_path: Path) -> None:
+    product = '[product]\ngarments = ["shirt_{size}.obj", "skirt_{size}.obj"]\nsizes = ["S", "M"]\nfabrics = ["silk"]\n'
+    garments, fabrics = read_products(write(tmp_path, "catalogue.toml", f'scene = "tshirt"\n{product}'))
+    assert {name: list(sizes) for name, sizes in garments.items()} == {"shirt": ["S", "M"], "skirt": ["S", "M"]}
+    assert garments["skirt"]["M"].changes == ("garment.mesh=skirt_M.obj",)
+    assert fabrics == ("silk",)
+    with pytest.raises(InputError, match="each request brings its body"):
+        read_products(write(tmp_path, "bodies.toml", f'scene = "tshirt"\n{product}avatars = ["anna.obj"]\n'))
+    with pytest.raises(InputError, match="no product with garments"):
+        read_products(write(tmp_path, "none.toml", 'scene = "tshirt"\n'))
 
 
 def test_a_product_of_more_than_fits_a_batch_is_refused(tmp_path: Path) -> None:

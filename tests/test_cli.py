@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import subprocess
 import sys
 import time
@@ -17,6 +18,7 @@ from rich.console import Console
 from typer.testing import CliRunner, Result
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.cli import fit_progress
 from warp_cloth.cli.fit import summary
 from warp_cloth.cli.fit_progress import ProgressDisplay
 from warp_cloth.cli.main import app, main
@@ -317,14 +319,21 @@ def test_progress_on_a_terminal_shows_iteration_residual_and_speed(shown: Callab
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
-def test_progress_fits_the_terminal(width: int) -> None:
+def test_progress_fits_the_terminal(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fit_progress, "HINT_SECONDS", 0.0)
     text = io.StringIO()
     console = Console(file=text, force_terminal=True, width=width, color_system=None, _environ={})
     with ProgressDisplay(console) as display:
         display(Step("compile"))
+        display._bar.refresh()
+        display(Step("dress"))
         display(Step("relax", 99_900, 100_000, 0.0123, 13.4, 12345.0, 1.0))
-    assert "…" not in text.getvalue()
-    assert "rest error 13 mm" in text.getvalue()
+    shown = text.getvalue()
+    assert "…" not in shown
+    assert all(len(line) <= width for line in re.split(r"[\r\n]|\x1b\[[0-9;?]*[A-Za-z]", shown))
+    assert "rest error 13 mm" in shown
+    assert "2/5 compiling" in shown
+    assert ("first fit on a machine" if width > 60 else "first run: about a minute") in shown
 
 
 def test_the_bar_shows_the_rest_error_on_a_logarithmic_scale() -> None:
@@ -334,6 +343,38 @@ def test_the_bar_shows_the_rest_error_on_a_logarithmic_scale() -> None:
             display(Step("relax", number, 0, 0.1, error, 10.0, 1.0))
             shares.append(display._share)
     assert shares == pytest.approx([0.0, 0.0, 0.5, 0.5, 1.0, 1.0])
+
+
+def test_one_bar_goes_through_all_steps_and_never_back() -> None:
+    text = io.StringIO()
+    console = Console(file=text, force_terminal=True, width=80, color_system=None, _environ={})
+    course: list[float] = []
+    stages = (
+        "load",
+        "compile",
+        "build",
+        "compile",
+        "relax",
+        "measure",
+        "build",
+        "compile",
+        "relax",
+        "measure",
+        "export",
+    )
+    with ProgressDisplay(console) as display:
+        for stage in stages:
+            for number, error in enumerate((0.0, 100.0, 1.0) if stage == "relax" else (0.0,)):
+                display(Step(stage, number, 0, 0.1, error, 10.0, 1.0))
+                display._bar.refresh()
+                course.append(display.completed)
+    assert course == sorted(course)
+    assert course[-1] == 0.95
+    shown = list(dict.fromkeys(re.findall(r"\d/5 \w+", text.getvalue())))
+    assert shown == [
+        *("1/5 loading", "2/5 compiling", "2/5 building", "3/5 relaxing", "4/5 measuring"),
+        *("4/5 building", "4/5 compiling", "4/5 relaxing", "5/5 writing"),
+    ]
 
 
 def test_an_interrupt_while_an_object_is_freed_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:

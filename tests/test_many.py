@@ -58,6 +58,19 @@ def mixture() -> list[Scene]:
     ]
 
 
+def test_maps_are_those_of_the_fit_alone() -> None:
+    scenes = [mixture()[index] for index in (0, 3, 6)]
+    together = fit_many(scenes, "cpu", together=3, maps="gap,pressure")
+    for scene, fit in zip(scenes[:2], together, strict=False):
+        alone = warp_cloth.fit(scene, device="cpu", maps="gap,pressure")
+        assert isinstance(fit, Fit)
+        assert fit.report["maps"] == alone.report["maps"]
+        for name in ("gap", "pressure"):
+            assert np.array_equal(fit.garments[0].fields[name], alone.garments[0].fields[name])
+    assert isinstance(together[2], Fit)
+    assert together[2].maps is None  # it hangs: there is no body
+
+
 def figures(fit: Fit) -> dict[str, Any]:
     """Everything that a fit tells, but for how long it took."""
     timed = ("seconds", "iterations_per_second")

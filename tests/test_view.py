@@ -8,6 +8,7 @@ import struct
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,13 +18,18 @@ import trimesh
 from cloths import grid
 from pxr import Usd, UsdGeom
 
+import warp_cloth
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.fitting.warm_start import corresponding_points
 from warp_cloth.maps import MAPS
+from warp_cloth.report.shown import shown_verdict
+from warp_cloth.scene import MannequinShape
+from warp_cloth.scene.schema import CollisionSpec
 from warp_cloth.shapes import SIZE_BODIES, tshirt
 from warp_cloth.view.live import BURST, PLOT_POINTS, History, LiveFit, merged_overrides
 from warp_cloth.view.picture import glb_bytes, legend_html
+from warp_cloth.view.verdict import saved_note, schema_limits, swatches_html, verdict_html
 
 DRAPED = {
     "garment": {"shape": {"kind": "square", "vertices_per_side": 11, "height": 0.91}, "fabric": "jersey"},
@@ -172,6 +178,7 @@ def page(live: LiveFit) -> Iterator[object]:
     from warp_cloth.view.page import Page
 
     page = Page(live, port=0)
+    page._is_watched = lambda: True
     thread = threading.Thread(target=page.run)
     thread.start()
     yield page
@@ -180,14 +187,67 @@ def page(live: LiveFit) -> Iterator[object]:
     assert not thread.is_alive()
 
 
-def test_a_scene_beyond_what_the_sliders_offer_is_shown() -> None:
-    pytest.importorskip("viser")
-    from warp_cloth.view.page import MOST_OFFSET, Page
+@pytest.mark.parametrize(("key", "table"), [("offset_mm", CollisionSpec), ("chest", MannequinShape)])
+def test_sliders_end_where_the_schema_does(key: str, table: type) -> None:
+    low, high = schema_limits(table, key)
+    valid = {"kind": "mannequin"} if table is MannequinShape else {}
+    for end in (low, high):
+        table.model_validate({**valid, key: end})
+    with pytest.raises(ValueError, match=key):
+        table.model_validate({**valid, key: high * 1.01})
 
-    page = Page(LiveFit(DRAPED, {"collision.offset_mm": f"{MOST_OFFSET + 5}"}, "cpu"), port=0)
-    page.stop()
-    page.run()
-    assert page.pictures
+
+def test_it_waits_for_a_browser(live: LiveFit) -> None:
+    pytest.importorskip("viser")
+    from warp_cloth.view.page import Page
+
+    page = Page(live, port=0)
+    try:
+        page._step()
+        assert live.iteration == 0
+        page._is_watched = lambda: True
+        page._step()
+        assert live.iteration > 0
+    finally:
+        page.stop()
+        page.run()
+
+
+def test_a_shape_at_rest_is_judged_and_a_fit_is_that_of_the_library(live: LiveFit) -> None:
+    assert live.judged() is None
+    for _ in range(800):
+        live.advance()
+    judged = live.judged()
+    assert judged is not None
+    assert judged.report["girths_mm"] == []  # a ball has no waist
+    html = verdict_html(judged, "as shown")
+    assert shown_verdict(judged.report).words in html
+    assert all(problem.remedy in unescape(html) for problem in judged.problems)
+    live.change({"garment.fabric": "denim"})
+    assert live.judged() is None
+    fit = live.fit()
+    alone = warp_cloth.fit(DRAPED, device="cpu", overrides=["garment.fabric=denim"])
+    assert np.array_equal(fit.garments[0].points, alone.garments[0].points)
+    assert np.array_equal(live.points, alone.garments[0].points)
+    assert live.judged() is fit
+    assert live.status() == alone.message
+    live.change({"collision.offset_mm": "4"})
+    assert live.fitted is None
+
+
+def test_what_is_saved_is_said() -> None:
+    said = saved_note("tshirt.usdz", 900_000, {"garment": "tshirt", "size": "L", "fabric": "denim"}, "At rest", "gap")
+    assert said == (
+        "tshirt.usdz (0.9 MB, in your browser's downloads): "
+        "garment tshirt, size L, fabric denim, coloured by gap; At rest"
+    )
+
+
+def test_plain_colours_are_named() -> None:
+    html = swatches_html(["shirt (silk)", "coat <x>"], with_body=True)
+    assert html.count("background:#") == 3
+    assert "shirt (silk)" in html
+    assert "coat &lt;x&gt;" in html
 
 
 def test_a_change_takes_the_place_of_what_is_below_it_and_none_of_that_at_first() -> None:

@@ -92,6 +92,38 @@ def read_jobs(path: str | Path) -> list[Item]:
     return _checked([_item(row, number, source.parent) for number, row in enumerate(rows, start=1)], source)
 
 
+def read_products(path: str | Path) -> tuple[dict[str, dict[str, Item]], tuple[str, ...]]:
+    """The garments of a job file's product, each by size, and its fabrics; bodies are not part of it.
+
+    A garment without sizes has the one size "".
+
+    Raises:
+        InputError: the file cannot be used, or holds no such product.
+    """
+    source = Path(path)
+    values = read_toml(source, "job file", largest=LARGEST_JOB_FILE)
+    product = values.get("product")
+    if not isinstance(product, dict) or "garments" not in product:
+        raise InputError(source, "has no product with garments", 'write [product] with garments = ["FILE", ..]')
+    if "avatars" in product:
+        raise InputError(source, "product.avatars: each request brings its body", "remove it")
+    shared = {key: value for key, value in values.items() if key != "product"}
+    axes = {axis: product[axis] for axis in ("garments", "sizes") if axis in product}
+    rows = product_rows(axes | {key: product[key] for key in product if key not in AXES}, shared, source)
+    sizes = product_rows({"sizes": axes["sizes"]}, {}, source) if "sizes" in axes else [{"name": ""}]
+    fabrics = product_rows({"fabrics": product["fabrics"]}, {}, source) if "fabrics" in product else []
+    found: dict[str, dict[str, Item]] = {}
+    for number, row in enumerate(rows):
+        size = sizes[number % len(sizes)]["name"]
+        name = row["name"].removesuffix(f"-{size}") if size else row["name"]
+        item = _item(row, number + 1, source.parent)
+        if item.problem:
+            raise InputError(source, f"{item.name}: {item.problem}")
+        found.setdefault(name, {})[size] = item
+    named = (str(_from_folder("fabric", row["garment.fabric"], source.parent)) for row in fabrics)
+    return found, tuple(named)
+
+
 def checked_items(items: Sequence[Item]) -> list[Item]:
     """A caller's items; InputError where there are none, or they are not items."""
     if not isinstance(items, Sequence) or isinstance(items, str) or not all(isinstance(item, Item) for item in items):

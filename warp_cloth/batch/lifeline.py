@@ -5,20 +5,22 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
+import shutil
 import signal
 import threading
 from collections.abc import Iterator
 from multiprocessing import resource_tracker
+from pathlib import Path
 
 
-def end_with_parent() -> None:
-    """Ends this process as soon as its parent has ended."""
-    threading.Thread(target=_wait, daemon=True).start()
+def end_with_parent(scratch: Path | None = None) -> None:
+    """Ends this process as soon as its parent has ended, and removes the folder ``scratch`` first."""
+    threading.Thread(target=_wait, args=(scratch,), daemon=True).start()
 
 
-def start_single_threaded() -> None:
+def start_single_threaded(scratch: Path | None = None) -> None:
     """Likewise, and keeps to one thread: there are as many such processes as cores."""
-    end_with_parent()
+    end_with_parent(scratch)
     from warp_cloth.base.threads import ONE_THREAD  # imports NumPy, for which the parent need not wait
 
     os.environ[ONE_THREAD] = "1"
@@ -35,8 +37,10 @@ def sigint_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _wait() -> None:
+def _wait(scratch: Path | None) -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
+        if scratch is not None:
+            shutil.rmtree(scratch, ignore_errors=True)
         os._exit(1)

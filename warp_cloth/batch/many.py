@@ -23,9 +23,11 @@ from warp_cloth.batch.warm_kernels import load_kernels
 from warp_cloth.fitting.attempts import Course, finished_runs, relax_alone, relax_problem, tried_further
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.fit import Fit
+from warp_cloth.fitting.measured_maps import with_maps
 from warp_cloth.fitting.predrape import build_predrape, prepare_start, start_predraped
 from warp_cloth.fitting.problem import build_problem, problem_kind
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
+from warp_cloth.maps import MAPS, chosen_maps
 from warp_cloth.model.plan import contact_kind
 from warp_cloth.scene import Scene, load_scene
 
@@ -39,6 +41,7 @@ def fit_many(
     *,
     budget: int | None = None,
     together: int | None = None,
+    maps: str | Sequence[str] = (),
     load_cache: LoadCache | None = None,
     lease: Path | None = None,
 ) -> list[Fit | Exception]:
@@ -52,12 +55,14 @@ def fit_many(
         budget: device memory to use [bytes]; None: most of what is free.
         together: scenes that relax together at most; None: on a GPU as many as fit, on the CPU one at a time, as a
             launch there is a loop and a garment alone stays in the cache.
+        maps: fit maps to compute, of every scene those that it can have.
         load_cache: what earlier calls have loaded, and the processes that load for this one.
         lease: a lock file by which processes that share the device relax one after another; None: there are no others.
 
     Raises:
-        InputError: there is no such device.
+        InputError: there is no such device or map.
     """
+    map_names = chosen_maps(maps)
     if not isinstance(scenes, Sequence) or isinstance(scenes, str):
         raise InputError("scenes", f"must be a list of scenes, not of type {type(scenes).__name__}", "give a list")
     name = device_named(device)
@@ -85,7 +90,8 @@ def fit_many(
             results[number] = error
 
     def run(numbers: Sequence[int]) -> list[Fit]:
-        return _fit_together([chosen[n] for n in numbers], [loaded[n] for n in numbers], name, cache, GpuLease(lease))
+        some, outfits = [chosen[n] for n in numbers], [loaded[n] for n in numbers]
+        return _fit_together(some, outfits, name, cache, GpuLease(lease), map_names)
 
     for numbers in kinds.values():
         needs = _memory_needs([chosen[n] for n in numbers], [loaded[n] for n in numbers], gpu)
@@ -138,7 +144,12 @@ def _run_or_halve(
 
 
 def _fit_together(
-    scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, cache: Cache, lease: GpuLease
+    scenes: Sequence[Scene],
+    outfits: Sequence[Outfit],
+    device: str,
+    cache: Cache,
+    lease: GpuLease,
+    map_names: Sequence[str] = (),
 ) -> list[Fit]:
     """Relaxes scenes of one kind together."""
     clock = StageClock()
@@ -168,4 +179,8 @@ def _fit_together(
     for item, course in enumerate(courses):
         if not here[item]:
             (results[item],) = finish_fits(course.best.problem, [course], clock=clock)
+        possible = [name for name in map_names if scenes[item].avatar is not None or not MAPS[name].needs_avatar]
+        if possible:
+            run = course.best
+            results[item] = with_maps(results[item], possible, run.problem, run.item)
     return [Fit.of(result) for result in results]

@@ -18,7 +18,7 @@ from warp_cloth.base.threads import core_count
 from warp_cloth.batch.lifeline import sigint_blocked
 from warp_cloth.batch.processes import START_METHOD, process_context, start_method
 from warp_cloth.batch.task import Done, Task
-from warp_cloth.batch.worker import Started, StartFailed, serve
+from warp_cloth.batch.worker import SHARDS, Duty, Started, StartFailed, serve
 
 log = logging.getLogger(__name__)
 
@@ -32,7 +32,7 @@ GRACE = 4.0  # [s] between asking a worker to end and killing it
 class Lost:
     """A task whose worker died."""
 
-    task: Task
+    task: Any
     reason: str
     final: bool = False  # no worker is left to try again
 
@@ -59,10 +59,11 @@ class Pool(Protocol):
 class WorkerSlot:
     """A place for a worker: its device, its fraction of that, how many processes load for it, its current task."""
 
-    def __init__(self, device: str, fraction: float, loader_count: int, rank: int) -> None:
+    def __init__(self, device: str, fraction: float, loader_count: int, rank: int, duty: Duty = SHARDS) -> None:
         self.device, self.fraction, self.loader_count, self.rank = device, fraction, loader_count, rank
-        self.task: Task | None = None
-        self.last_task: Task | None = None  # whose meshes the worker has loaded
+        self.duty = duty
+        self.task: Any = None  # what the duty's function takes
+        self.last_task: Any = None  # whose meshes the worker has loaded
         self.losses = 0  # of the device, in a row
         self.process: BaseProcess | None = None
         self._started = False
@@ -76,7 +77,7 @@ class WorkerSlot:
         """
         context = process_context()
         self.connection, theirs = context.Pipe()
-        arguments = (theirs, self.device, self.loader_count, self.rank)
+        arguments = (theirs, self.device, self.loader_count, self.rank, self.duty)
         # not a daemon, which could have no loaders; it ends with this process all the same
         self.process = context.Process(target=serve, args=arguments)  # type: ignore[attr-defined]
         try:
@@ -92,17 +93,17 @@ class WorkerSlot:
     def usable(self) -> bool:
         return self.losses < MOST_LOSSES
 
-    def assign(self, task: Task) -> None:
+    def assign(self, task: Any) -> None:
         if self.process is None:
             self.start()
         self.task = self.last_task = task
         with contextlib.suppress(OSError):  # the worker has died, which receive finds
             self.connection.send(task)
 
-    def receive(self) -> Done | Lost | None:
-        """What came of the task, once the worker sent something or died; None: it has only started.
+    def receive(self) -> Any:
+        """What came of the task, once the worker sent something or died: a Lost, or what the duty's function returned.
 
-        A dead worker is replaced.
+        None: it has only started, or died without a task. A worker that dies of a task is replaced.
 
         Raises:
             InputError: the worker could not start, and so no other can.
@@ -116,9 +117,9 @@ class WorkerSlot:
             return None
         if isinstance(received, StartFailed):
             raise cannot_start(received.reason)
-        if not isinstance(received, Done):
+        if isinstance(received, str):  # why its device is lost
             self.losses += 1
-            return self._lost(str(received))
+            return self._lost(received)
         self.task, self.losses = None, 0
         return received
 
@@ -132,11 +133,11 @@ class WorkerSlot:
             raise cannot_start(exit_reason(code))
         return exit_reason(code)
 
-    def _lost(self, reason: str) -> Lost:
+    def _lost(self, reason: str) -> Lost | None:
         task, self.task = self.task, None
-        if task is None:
-            raise RuntimeError("an idle worker has no result")
         self.stop()
+        if task is None:
+            return None  # the next task starts a worker
         if self.usable:
             log.warning("a worker is replaced: %s", reason)
             self.start()

@@ -11,6 +11,7 @@ from typing import Any
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.scene import shipped_scenes
+from warp_cloth.scene.overrides import flat
 from warp_cloth.scene.paths import file_stem
 
 AXES = ("garments", "sizes", "avatars", "fabrics")  # in the order in which they form names
@@ -45,7 +46,7 @@ def product_rows(product: Any, shared: Mapping[str, Any], path: Path) -> list[di
     rows = []
     for chosen in itertools.product(*axes):
         size = next((entry["name"] for entry in chosen if entry["axis"] == "sizes"), "")
-        row: dict[str, Any] = dict(shared)
+        row: dict[str, Any] = dict(flat(shared))
         for entry in chosen:
             row.update({key: _sized(value, size) for key, value in entry["keys"].items()})
         if size and not any(_names_size(entry) for entry in chosen):
@@ -73,7 +74,7 @@ def _entry(axis: str, entry: Any, path: Path) -> dict[str, Any]:
     if isinstance(entry, dict):
         if not isinstance(entry.get("name"), str):
             raise InputError(path, f"a table in product.{axis} has no name", "give each a name, for its results")
-        keys = {key: value for key, value in entry.items() if key != "name"}
+        keys = dict(flat({key: value for key, value in entry.items() if key != "name"}))
         return {"axis": axis, "name": entry["name"], "keys": keys, "own": axis == "sizes" and bool(keys)}
     if not isinstance(entry, str):
         raise InputError(

@@ -142,12 +142,19 @@ def _pool(device: str | None, workers: int | None, ray: str | None) -> Pool:
         from warp_cloth.batch.cluster import RayPool
 
         return RayPool(ray, device, workers)
-    if device == "cpu":
-        return LocalPool(_worker_devices([], workers))
-    likely = likely_gpus(device)
-    if device is not None and not likely:
-        return LocalPool(_worker_devices(_gpus(device), workers))
-    return LocalPool(_worker_devices(likely, workers), lambda: _worker_devices(_gpus(device), workers))
+    likely = device != "cpu" and (device is None or bool(likely_gpus(device)))
+    check = (lambda: _worker_devices(_gpus(device), workers)) if likely else None
+    return LocalPool(worker_devices(device, workers), check)
+
+
+def worker_devices(device: str | None, workers: int | None) -> list[str]:
+    """The device of each of so many workers (None: one per core, or WORKERS_PER_GPU per GPU), as ``run_batch`` has it.
+
+    Raises:
+        InputError: there is no such device.
+    """
+    gpus = [] if device == "cpu" else likely_gpus(device)
+    return _worker_devices(gpus if gpus or device in (None, "cpu") else _gpus(device), workers)
 
 
 def _worker_devices(gpus: Sequence[str], workers: int | None) -> list[str]:

@@ -15,8 +15,6 @@ from warp_cloth.base.toml_file import toml_text
 from warp_cloth.batch.contact_sheet import NO_RESULT, Card, thumbnail, write_cards
 from warp_cloth.batch.jobs import PLAIN_NAME
 from warp_cloth.fitting.fit import Fit, fit
-from warp_cloth.garment.garment import Garment
-from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
@@ -216,24 +214,33 @@ def _fit_size(size: str, scene: Scene, device: str | None) -> SizeFit:
     try:
         worn = fit(scene, device=device)
     except InputError as error:
-        return SizeFit(size, Status.INVALID.value, str(error), {}, None, None, None)
-    levels = {}
-    if worn.avatar is not None and worn.status is not Status.DIVERGED:
-        levels = _levels(worn, load_outfit(scene).garments[0])
+        return unusable_size(size, str(error))
+    return measured_size(size, worn)
+
+
+def unusable_size(size: str, message: str) -> SizeFit:
+    """A size that cannot be fitted, and why."""
+    return SizeFit(size, Status.INVALID.value, message, {}, None, None, None)
+
+
+def measured_size(size: str, worn: Fit) -> SizeFit:
+    """A size as it is worn, with what a recommendation needs."""
+    levels = _levels(worn) if worn.avatar is not None and worn.status is not Status.DIVERGED else {}
     strain, held = worn.report["strain"], not any(problem.code in UNHELD for problem in worn.problems)
     return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn, held)
 
 
-def _levels(worn: Fit, loaded: Garment) -> dict[str, LevelFit]:
+def _levels(worn: Fit) -> dict[str, LevelFit]:
     """The levels at which the first garment encloses the trunk."""
-    if worn.avatar is None:
+    garment = worn.garments[0]
+    if worn.avatar is None or garment.rest is None:
         return {}
-    avatar, garment = closing_of(worn.avatar).surface(worn.avatar), worn.garments[0]
+    avatar = closing_of(worn.avatar).surface(worn.avatar)
     levels = body_levels(avatar)
     if levels is None:
         return {}
     found = {}
-    for row in garment_girths(garment.name, garment.points, loaded.rest.sheet, avatar, levels):
+    for row in garment_girths(garment.name, garment.points, garment.rest.sheet, avatar, levels):
         if row["closed"]:
             height, body, cut, as_worn = (
                 1e-3 * row[key] for key in ("height", "body_girth", "natural_girth", "garment_girth")

@@ -11,6 +11,7 @@ from warp_cloth.cli.explore import avatar, fabric, pattern, scenes
 from warp_cloth.cli.fit import batch, fit, sizes
 from warp_cloth.cli.init import init
 from warp_cloth.cli.results import compare, view
+from warp_cloth.cli.serve import serve
 from warp_cloth.cli.study import plan, tradeoff
 from warp_cloth.cli.terminal import BAD_INPUT, INTERRUPTED, keep_interrupts, print_error
 
@@ -23,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 for panel, commands in (
-    ("Fit", (fit, init, batch, sizes, compare, view)),
+    ("Fit", (fit, init, batch, sizes, compare, view, serve)),
     ("Explore", (scenes, pattern, fabric, avatar)),
     ("Study", (plan, tradeoff)),
 ):

@@ -53,7 +53,7 @@ def view(
     port: Annotated[int, typer.Option(help="Port; if it is in use, the next free one.", min=1, max=65535)] = 8080,
     opened: Annotated[bool, typer.Option("--open", help="Open the page in this machine's browser.")] = False,
 ) -> None:
-    """Watch a garment drape in a web page, with sliders for size, fabric, body and offset.
+    """Watch a garment drape in a web page, while you change size, fabric and body; it waits for your browser.
 
     \b
     warp-cloth view tshirt --open

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import partial
 from numbers import Integral
 from pathlib import Path
@@ -19,11 +18,12 @@ from warp_cloth.base.threads import one_thread_at_a_time
 from warp_cloth.export.formats import chosen_formats
 from warp_cloth.fitting.attempts import finished_runs, tried_further
 from warp_cloth.fitting.finish import finish_fits
+from warp_cloth.fitting.measured_maps import with_maps
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
 from warp_cloth.fitting.warm_start import Worn, chosen_garments, saved_result, start_from
 from warp_cloth.garment.outfit import MeshCache
-from warp_cloth.maps import add_girths, chosen_colour, chosen_maps, map_summary, measure_maps
+from warp_cloth.maps import add_girths, chosen_colour, chosen_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.model.attempt import Patience
 from warp_cloth.model.result import FitResult, LevelRun
@@ -203,7 +203,7 @@ def fit_loaded(
     problem = course.best.problem
     report_progress(Progress("measure"))
     (result,) = finish_fits(problem, [course], clock=clock, frames=frames)
-    fitted = Fit.of(_with_maps(result, map_names, problem) if map_names else result)
+    fitted = Fit.of(with_maps(result, map_names, problem) if map_names else result)
     clock.lap("measure")
     return fitted
 
@@ -216,30 +216,6 @@ def _loaded(scene: Any, overrides: Any, on: Any, fabric: Any) -> Scene:
     for late in (name for name, stated in given.items() if stated):
         raise InputError(late, "the scene is loaded already", "pass it to load_scene")
     return scene
-
-
-def _with_maps(result: FitResult, names: Sequence[str], problem: Problem) -> FitResult:
-    """The result with these maps, in the garments' fields and in the report too."""
-    forces = problem.certifier.normal_forces()
-    spans = itertools.pairwise(problem.model.vertex_start)
-    garment_names = [worn.name for worn in result.garments]
-    maps = measure_maps(
-        names,
-        garments=problem.outfit.garments,
-        worn=[worn.points for worn in result.garments],
-        normal_forces=None if forces is None else [forces[first:last] for first, last in spans],
-        avatar=problem.avatar_surfaces()[0],
-        garment_names=garment_names,
-        device=result.device,
-    )
-    garments = tuple(
-        replace(worn, fields={**worn.fields, **values})
-        for worn, values in zip(result.garments, maps.fields, strict=True)
-    )
-    report = {**result.report, "maps": map_summary(maps, garment_names)}
-    if maps.notes:
-        report["map_notes"] = list(maps.notes)
-    return replace(result, garments=garments, report=report, maps=maps)
 
 
 def _earlier(start: Fit | str | Path, scene: Scene) -> list[Worn]:

@@ -15,13 +15,18 @@ from numpy.typing import NDArray
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.device import device_named
 from warp_cloth.base.mesh import Points
+from warp_cloth.fitting.attempts import Course, finished_runs
+from warp_cloth.fitting.finish import finish_fits
+from warp_cloth.fitting.fit import Caches, Fit, Progress, fit_loaded
+from warp_cloth.fitting.fitter import DEVICE_BYTES, MOST_KEPT
 from warp_cloth.fitting.problem import Problem, build_problem, load_problem, tolerance_of
 from warp_cloth.fitting.warm_start import start_from
-from warp_cloth.garment.outfit import MeshCache, load_outfit
-from warp_cloth.maps import MAPS, measure_maps
-from warp_cloth.model.result import WornGarment
+from warp_cloth.garment.outfit import load_outfit
+from warp_cloth.maps import MAPS, add_girths, measure_maps
+from warp_cloth.model.result import FitResult, Status, WornGarment
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.solver.certificate.certifier import Check
+from warp_cloth.solver.loop import Outcome
 
 BURST = 20  # iterations between two pictures, at most
 LEAST_BURST = 5
@@ -77,23 +82,34 @@ class LiveFit:
         """Loads ``load_scene(source, changes)``; ``progress`` is called with each stage of the first build."""
         self._source = source
         self._changes = self._first = dict(changes)
-        self._mesh_cache = MeshCache()
+        self._caches = _empty()
         self.device = device_named(device)
         self.scene = self._load(self._changes)
         self.problem: Problem = load_problem(
-            self.scene, self.device, mesh_cache=self._mesh_cache, clock=StageClock(progress)
+            self.scene, self.device, mesh_cache=self._caches.meshes, clock=StageClock(progress), **self._shared()
         )
         self._start()
 
+    def _shared(self) -> dict[str, Any]:
+        """What every problem is built with: what those before it left, as in a ``Fitter``."""
+        if max(self._caches.meshes.count, self._caches.problems.count) > MOST_KEPT:
+            self._caches = _empty()
+        return {"cache": self._caches.problems}
+
     def _load(self, changes: Mapping[str, str]) -> Scene:
         """The scene; where it leaves contact of cloth with cloth open, without, which follows changes at once."""
-        scene = load_scene(self._source, [f"{key}={value}" for key, value in changes.items()])
+        scene = self._load_whole(changes)
         if scene.collision.cloth != "auto":
             return scene
         return scene.model_copy(update={"collision": scene.collision.model_copy(update={"cloth": False})})
 
+    def _load_whole(self, changes: Mapping[str, str]) -> Scene:
+        return load_scene(self._source, [f"{key}={value}" for key, value in changes.items()])
+
     def _start(self) -> None:
         self.iteration = 0
+        self.fitted: Fit | None = None  # what ``fit`` gave, while that is shown
+        self._judged: FitResult | None = None  # of the shape at rest
         self.at_rest = self.diverged = False
         self.history = History()
         self.check: Check | None = None
@@ -172,22 +188,55 @@ class LiveFit:
         overrides = merged_overrides(self._changes, changes, self._first)
         scene = self._load(overrides)
         old, worn = self.problem, self.points
-        outfit = load_outfit(scene, self._mesh_cache)
+        shared = self._shared()
+        outfit = load_outfit(scene, self._caches.meshes)
         # the worn shape has gone through the avatar's poses already; to repeat that would take as long as all the rest
         in_last_pose = outfit if self.diverged else replace(outfit, poses=())
-        problem = build_problem([scene], [in_last_pose], self.device, earlier=old.contact)
+        problem = build_problem([scene], [in_last_pose], self.device, earlier=old.contact, **shared)
         if not self.diverged:
             worn_parts = [worn[first:last] for first, last in itertools.pairwise(old.model.vertex_start)]
             started = start_from(problem, list(zip(old.outfit.meshes, worn_parts, strict=True)))
             if outfit.poses and not started:
-                problem = build_problem([scene], [outfit], self.device)
+                problem = build_problem([scene], [outfit], self.device, **shared)
         self.scene, self.problem, self._changes = scene, problem, overrides
         self._start()
 
     def reset(self) -> None:
         """Puts the garments back to where they were loaded."""
-        self.problem = load_problem(self.scene, self.device, mesh_cache=self._mesh_cache, earlier=self.problem.contact)
+        shared = self._shared()
+        self.problem = load_problem(
+            self.scene, self.device, mesh_cache=self._caches.meshes, earlier=self.problem.contact, **shared
+        )
         self._start()
+
+    def fit(self, progress: Callable[[Progress], None] | None = None) -> Fit:
+        """The fit of the scene as it is now, as ``warp_cloth.fit`` makes it; its shape is shown from now on.
+
+        It has the same bits, and takes less time, as it shares what the live fit has loaded.
+        """
+        self._shared()
+        fitted = fit_loaded(lambda: self._load_whole(self._changes), self.device, self._caches, progress=progress)
+        points = np.concatenate([worn.points for worn in fitted.garments])
+        if np.isfinite(points).all():
+            self.problem.model.set_points(points)
+            self.points = points
+        self.at_rest, self.diverged = fitted.status is not Status.DIVERGED, fitted.status is Status.DIVERGED
+        self.iteration, self.fitted = int(fitted.report["iterations"]), fitted
+        return fitted
+
+    def judged(self) -> FitResult | None:
+        """What is to be said of the shape shown, with its girths: worn or not, problems; None while it moves."""
+        if self.fitted is not None:
+            add_girths(self.fitted)
+            return self.fitted
+        if self.check is None or not self.at_rest:
+            return None
+        if self._judged is None:
+            outcome = Outcome(Status.AT_REST, self.check, self.points, self.iteration, 0.0)
+            runs = finished_runs(self.problem, [outcome], [()])
+            (self._judged,) = finish_fits(self.problem, [Course(tuple(runs))], clock=StageClock())
+            add_girths(self._judged)
+        return self._judged
 
     def values(self, name: str) -> tuple[list[NDArray[np.float32]], tuple[float, float]] | None:
         """A map of every garment in its present shape, and the range of its colours; None where there is none."""
@@ -245,9 +294,17 @@ class LiveFit:
         """The state of the fit, in one line."""
         if self.diverged:
             return "Diverged: press reset, or choose a softer fabric."
+        if self.fitted is not None:
+            return self.fitted.message
         if self.check is None:
             return f"{self.iteration:,} iterations"
         rest = f"{1e3 * self.check.rest_error:.2g} mm" if np.isfinite(self.check.rest_error) else "unknown"
         state = "At rest" if self.at_rest else "Relaxing"
         residual = self.check.residual.relative_rms
         return f"{state}: {self.iteration:,} iterations, residual {residual:.2g}, rest error {rest}"
+
+
+def _empty() -> Caches:
+    caches = Caches()
+    caches.problems.limit = DEVICE_BYTES
+    return caches

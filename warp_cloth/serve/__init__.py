@@ -1,0 +1,1 @@
+"""A service: bodies come in over HTTP, the verdicts of a product's sizes, fit maps and meshes go out."""
