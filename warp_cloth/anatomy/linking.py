@@ -13,14 +13,18 @@ from functools import cached_property
 import numpy as np
 
 from warp_cloth.anatomy.crossings import cone_crossings, surface_crossings
-from warp_cloth.anatomy.openings import ARMS, Limbs, Opening, limbs_for
-from warp_cloth.anatomy.skeleton import HEAD, LIMBS, Skeleton
+from warp_cloth.anatomy.geodesics import Floats
+from warp_cloth.anatomy.openings import ARMS, LEGS, Limbs, Opening, limbs_for
+from warp_cloth.anatomy.skeleton import HEAD, LEFT_LEG, LIMBS, RIGHT_LEG, Skeleton
 from warp_cloth.base.mesh import Indices, Points
 
 SLEEVED = tuple((arm,) for arm in ARMS)  # whom a sleeve is for
 SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most where its waist holds it
 FAR_TRUNK = 0.08  # of the body's span, from the middle of its openings: the trunk is not where its garment is
 FAR_WAIST = 0.25  # [m] above or below the waist: low trousers and high skirts begin nearer
+NEAR_CROTCH, FAR_CROTCH = 0.1, 0.3  # [m] nearer to a leg's own opening than to the other's
+LEGS_MEET = 0.01  # [m] over the middle; legs that touch are no trouble
+LEGS_GAP = 0.02  # [m] from the middle, to which a leg that starts in the other one is moved
 FAR_SLEEVE = 0.3  # [m] above or below the shoulders: sleeves of any length begin nearer
 
 
@@ -92,6 +96,36 @@ class Wearing:
         if self.misplaced_at_start:
             return f"an opening starts beside the {LIMBS[self.misplaced_at_start[0].wanted[0]]}"
         return ""
+
+    def distances(self) -> dict[Limbs, Floats]:
+        """The vertices' distances from each opening, by the limbs that it is for [m], each of shape [V]."""
+        return {limbs: opening.distances for opening, limbs in zip(self.openings, self.limbs, strict=True)}
+
+    def legs_apart(self, points: Points) -> Points:
+        """Legs of trousers at ``points`` [m] that reach into each other, as wide ones do, moved apart; shape [V, 3]."""
+        overlap, distances = self._legs_overlap(points), self.distances()
+        if overlap <= LEGS_MEET:
+            return points
+        moved = points.copy()
+        for leg, other, outward in (
+            (RIGHT_LEG, LEFT_LEG, -self.skeleton.left),
+            (LEFT_LEG, RIGHT_LEG, self.skeleton.left),
+        ):
+            share = np.clip((distances[other,] - distances[leg,]) / FAR_CROTCH, 0.0, 1.0)
+            moved += (overlap + LEGS_GAP) * share[:, None] * outward
+        return moved
+
+    def _legs_overlap(self, points: Points) -> float:
+        """How far both legs of trousers reach over the middle [m]."""
+        distances = self.distances()
+        if any((leg,) not in distances for leg in LEGS):
+            return 0.0
+        across = (points - self.skeleton.middle) @ self.skeleton.left
+        deepest = []
+        for leg, other, outward in ((RIGHT_LEG, LEFT_LEG, -1.0), (LEFT_LEG, RIGHT_LEG, 1.0)):
+            own = distances[leg,] < distances[other,] - NEAR_CROTCH
+            deepest.append(-float((outward * across[own]).min(initial=0.0)))
+        return min(deepest)
 
     @cached_property
     def misplaced_at_start(self) -> list[Misplaced]:

@@ -101,7 +101,7 @@ class SolverSpec(Table):
         default=None,
         ge=0,
         le=10**7,
-        description="Limit; by default a fit ends where it makes no more progress, at the latest after 100,000.",
+        description="Limit; by default a fit ends where it makes no more progress, at the latest after 200,000.",
     )
     tolerance_mm: Real = Field(
         default=1.0,
