@@ -94,15 +94,6 @@ class SlopeField(enum.IntEnum):
     WARP_2 = 3
 
 
-class FabricField(enum.IntEnum):
-    """Where a figure of a vertex' fabric stands in ``ContactModel.fabric`` (kernels.contact.arrays)."""
-
-    THICKNESS = 0  # [m]
-    SQUEEZE_MODULUS = 1  # [N/m]
-    FRICTION = 2
-    UNUSED = 3  # four are read by one 16-byte load
-
-
 class Terms(NamedTuple):
     """What acts in a scene's cloth; the kernels are made for these."""
 
