@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.kernels.base.options import KernelOptions
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.passes.move import advance_kernel, displace_kernel, presses_along
+from warp_cloth.kernels.passes.advance import advance_kernel, fuses_contact
+from warp_cloth.kernels.passes.move import displace_kernel
 from warp_cloth.kernels.passes.move_packets import packet_displace_kernel
 from warp_cloth.kernels.passes.step import NoClothContact, NoCollider, accumulated, saves_queries
 from warp_cloth.model.model import ClothModel
@@ -71,7 +72,7 @@ class Relaxation:
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
         self._packets = False  # whether a packet of vertices is moved at a time
-        self._presses_along = presses_along(kernel_options) and model.patches is not None
+        self._fuses_contact = fuses_contact(kernel_options) and model.patches is not None
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             self._move = advance_kernel(kernel_options)
             packed = cloth_contact is None
@@ -237,7 +238,7 @@ class Relaxation:
         if self.cloth_contact is not None and self.cloth_contact.awake:
             if iteration % self.cloth_contact.check_interval == 0:
                 self.cloth_contact.search_where_due(state)
-            if not self._presses_along:
+            if not self._fuses_contact:
                 self.cloth_contact.add_forces(self.step, state)
 
     def _update_compliance(self, state: Any) -> None:
@@ -291,7 +292,7 @@ class Relaxation:
         """Compliance, and contact of cloth with cloth, before an iteration; how many blocks are to press meanwhile."""
         self._update_compliance(state)
         self._add_contact_forces(iteration, state)
-        if self.cloth_contact is None or self.model.patches is None or not self._presses_along:
+        if self.cloth_contact is None or self.model.patches is None or not self._fuses_contact:
             return 0
         return self.cloth_contact.divide_blocks(self.model.patches.count)
 
