@@ -22,7 +22,6 @@ from warp_cloth.kernels.base.block import (
     lane_of,
     leave_blocks,
     load_no_earlier,
-    memory_functions,
     signal_done,
     wait_for_block,
 )
@@ -42,14 +41,14 @@ from warp_cloth.kernels.passes.step import (
 )
 from warp_cloth.kernels.patches.memory import (
     NEXT_WARP,
+    access_functions,
     context_function,
     context_type,
-    leaves,
     next_functions,
     patch_of,
+    skips_patch,
 )
 from warp_cloth.kernels.patches.packing import first_three, order_functions
-from warp_cloth.kernels.patches.steps import point_functions
 
 
 def advance_kernel(options: KernelOptions) -> wp.Kernel:
@@ -102,7 +101,7 @@ def block_read_function(options: KernelOptions) -> wp.Function:
     precision, accelerated = options.precision, options.accelerated
     types = cloth_types(precision)
     Model, State, Vertex, Item, Context = types.Model, types.State, types.Vertex, types.Item, context_type(precision)
-    point_at, read_4 = point_functions(precision, True).point_at, memory_functions(precision, True).read_4
+    point_at, row_at = access_functions(precision, True).point_at, access_functions(precision, True).row_at
     read_vertex = read_function(options)
 
     @wp.func
@@ -115,9 +114,7 @@ def block_read_function(options: KernelOptions) -> wp.Function:
         vertex.position = point_at(context, local)
         vertex.weight = element(model.weight, index)
         if wp.static(accelerated):
-            vertex.displacement = first_three(
-                read_4(context.overflow, context.memory.move + wp.static(4 * types.real_size) * local)
-            )
+            vertex.displacement = first_three(row_at(context, context.memory.move, local))
             vertex.stiffness = element(state.stiffness, index)
         return vertex
 
@@ -218,7 +215,7 @@ def advance_functions(options: KernelOptions) -> SimpleNamespace:
     def patch_vertex(context: Context, work: PatchWork, model: types.Model, state: types.State, item: types.Item):
         """A thread's vertex, loaded while triangles are computed; beyond the last own vertex, that one."""
         if wp.static(not early):
-            functions.work_corners(context, work)
+            functions.compute_corners(context, work)
         load_no_earlier()
         own = wp.min(int(context.lane), context.patch.owned_count - 1)
         index = functions.own_vertex(context.patches, context.patch, own)
@@ -226,7 +223,7 @@ def advance_functions(options: KernelOptions) -> SimpleNamespace:
         vertex = read_vertex(context, model, state, own, index, item)
         vertex.free = moves
         if wp.static(early):
-            functions.work_corners(context, work)
+            functions.compute_corners(context, work)
         return vertex
 
     return SimpleNamespace(start_patch=start_patch, patch_vertex=patch_vertex)
@@ -257,10 +254,10 @@ def _advance_kernel(options: KernelOptions) -> wp.Kernel:
         lane = lane_of(thread)
         start = own.start_patch(model, patches, block_of(thread), lane)
         patch, item = start.patch, start.item
-        if leaves(item.active, patch, start.first, start.second):
+        if skips_patch(item.active, patch, start.first, start.second):
             return
         context = patch_context(step, patches, patch, overflow, lane)
-        work = functions.work_edges(context, state, start.first, start.second, start.upcoming)
+        work = functions.compute_edges(context, state, start.first, start.second, start.upcoming)
         vertex = own.patch_vertex(context, work, model, state, item)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         if wp.static(not options.cloth_contact):
@@ -307,12 +304,12 @@ def _advance_in_contact_kernel(options: KernelOptions) -> wp.Kernel:
             return
         start = own.start_patch(model, patches, block - signalling, lane)
         patch, item = start.patch, start.item
-        if leaves(item.active, patch, start.first, start.second):
+        if skips_patch(item.active, patch, start.first, start.second):
             arrived = await_blocks(contact.blocks.done, signalling)
             leave_blocks(contact.blocks.done, signalling, waiting, arrived)
             return
         context = patch_context(step, patches, patch, overflow, lane)
-        work = functions.work_edges(context, state, start.first, start.second, start.upcoming)
+        work = functions.compute_edges(context, state, start.first, start.second, start.upcoming)
         vertex = own.patch_vertex(context, work, model, state, item)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         wait_for_block()
@@ -355,11 +352,11 @@ def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
         lane = lane_of(thread)
         start = own.start_patch(model, patches, block_of(thread), lane)
         patch, item = start.patch, start.item
-        if leaves(item.active, patch, start.first, start.second):
+        if skips_patch(item.active, patch, start.first, start.second):
             return
         context = patch_context(step, patches, patch, overflow, lane)
-        work = functions.work_edges(context, state, start.first, start.second, start.upcoming)
-        functions.work_corners(context, work)
+        work = functions.compute_edges(context, state, start.first, start.second, start.upcoming)
+        functions.compute_corners(context, work)
         load_no_earlier()
         local = int(lane)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)

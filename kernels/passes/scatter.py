@@ -92,7 +92,7 @@ def packet_normals_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def edges_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Kernel:
-    """Kernel ``add_edges``; ``accumulate``: beside the forces, of packets a bound; these have no rest angles."""
+    """Kernel ``add_edges``; ``accumulate``: what is summed besides forces; of packets, without rest angles, a bound."""
     types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     Model, State, Step, Edges, Span = types.Model, types.State, types.Step, types.Edges, span_type(precision, lanes)
     vec2, vec4, like, memory = types.vec2, types.vec4, wp.constant(types.real(0.0)), lane_memory(precision, lanes)
@@ -175,7 +175,7 @@ def sides_function(precision: str, accumulate: Accumulate, packed: bool = False,
 
 @functools.cache
 def triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Kernel:
-    """Kernel ``add_triangles``; ``accumulate``: beside the forces, of packets a bound."""
+    """Kernel ``add_triangles``; ``accumulate``: what is summed besides forces; of packets, a bound."""
     types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     Model, State, Step, Triangles = types.Model, types.State, types.Step, types.Triangles
     vec4, like, Sides = types.vec4, wp.constant(types.real(0.0)), sides_type(precision, lanes)
