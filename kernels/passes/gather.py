@@ -190,77 +190,100 @@ def work_type(precision: str) -> type:
 
 @functools.cache
 def compute_edges_function(options: KernelOptions) -> wp.Function:
-    """The function ``compute_edges``: the first half of a block's work on a patch."""
-    precision, terms, fits, paired = options.precision, options.terms, options.fits, options.paired
-    State = cloth_types(precision).State
-    PatchWork, Tile, Context = work_type(precision), tile_type(precision), context_type(precision)
-    vec4, fetch_tables = cloth_types(precision).vec4, fetch_function(options)
-    read_vertices = vertices_step(options).read_vertices
-    load_tile, compute_tile_normals = tile_functions(precision, fits).load_tile, tile_normals_step(options)
-    pairs = tile_edges_step(options)
-    load_constants, compute_tile_edges = pairs.load_constants, pairs.compute_tile_edges
-    compute_normals, compute_other_edges = normals_step(options), edges_step(options)
+    """The function ``compute_edges``: the first half of a block's work on a patch.
+
+    (context, state, first, second, upcoming) -> PatchWork. Vertices, normals and edges of a patch, in the block's
+    memory; every thread of the block calls it. ``first`` and ``second`` are of ``two_vertices``, ``upcoming`` is of
+    ``next_patch`` where that is prefetched. What a step begins with is loaded a step ahead.
+    """
+    return _compute_tiles_function(options) if options.paired else _compute_singles_function(options)
+
+
+def _compute_singles_function(options: KernelOptions) -> wp.Function:
+    precision, terms = options.precision, options.terms
+    types, PatchWork, Context = cloth_types(precision), work_type(precision), context_type(precision)
+    fetch_tables, read_vertices = fetch_function(options), vertices_step(options).read_vertices
+    compute_normals, compute_edges = normals_step(options), edges_step(options)
     edge_table, triangle_table = edge_table_functions(options).edge_table, triangle_table_function(precision, terms)
-    vertex_slots, fetch_next = load_functions(options).vertex_slots, next_functions(precision).fetch_next
+    vertex_slots = load_functions(options).vertex_slots
 
     @wp.func
-    def first_triangle(patch: Patch, lane: int):
-        """The thread's first triangle of those whose normals no tile has."""
-        if wp.static(paired):
-            return patch.triangle_count + last_first(lane)
-        return lane
-
-    @wp.func
-    def compute_edges(context: Context, state: State, first: int, second: int, upcoming: Patch):
-        """Vertices, normals and edges of a patch, in the block's memory; every thread of the block calls it.
-
-        ``first`` and ``second`` are of ``two_vertices``, ``upcoming`` is of ``next_patch`` where that is prefetched.
-        What a step begins with is loaded a step ahead.
-        """
-        fetch_tables(context.patches, context.patch)
-        loaded, tile = Tile(), Tile()
-        corner_word = wp.uint64(0)
-        end_word, constants = wp.uint64(0), vec4()
+    def compute_singles(context: Context, state: types.State, first: int, second: int, upcoming: Patch):
+        """``compute_edges`` where a thread works on one edge, then one triangle, after another."""
+        patches, patch = context.patches, context.patch
+        fetch_tables(patches, patch)
+        corner_word, end_word, constants = wp.uint64(0), wp.uint64(0), types.vec4()
+        triangle = patch.triangle_start + wp.min(context.lane, patch.normal_count)
         if wp.static(terms.folds):
-            other = wp.min(first_triangle(context.patch, context.lane), context.patch.normal_count)
-            corner_word = element(context.patches.corners, context.patch.triangle_start + other)
-        if wp.static(paired):
-            loaded = load_tile(context.patches, context.patch, context.lane)
+            corner_word = element(patches.corners, triangle)
         read_vertices(context, state, first, second)
-        if wp.static((terms.folds or terms.edges) and not paired):
-            end_word, constants = edge_table(context.patches, context.patch, context.lane)
-        if wp.static(options.packed and paired):
-            if fetches(NEXT_WARP):
-                fetch_next(context.patches, state, upcoming)
+        if wp.static(terms.folds or terms.edges):
+            end_word, constants = edge_table(patches, patch, context.lane)
         wait_for_block()
-        if wp.static(paired):
-            tile = compute_tile_normals(context, loaded)
         if wp.static(terms.folds):
             compute_normals(context, corner_word)
-        if wp.static(paired and fits):
-            tile = load_constants(context.patches, context.patch, tile)
-        sides, corners = wp.uint64(0), wp.uint64(0)
-        if wp.static(not paired):
-            triangle = context.patch.triangle_start + wp.min(context.lane, context.patch.normal_count)
-            sides, corners = triangle_table(context.patches, triangle)
+        sides, corners = triangle_table(patches, triangle)
         if wp.static(terms.folds):
             wait_for_block()
-        if wp.static(paired):
-            tile = compute_tile_edges(context, tile)
-            edge = wp.static(SLOTS) * context.patch.tile_count + last_first(context.lane)
-            end_word, constants = edge_table(context.patches, context.patch, edge)
         if wp.static(terms.folds or terms.edges):
-            compute_other_edges(context, end_word, constants)
+            compute_edges(context, end_word, constants)
+        edges, triangles = vertex_slots(patches, patch, context.lane)
         work = PatchWork()
-        work.tile = tile
         work.sides = sides
         work.corners = corners
-        edges, triangles = vertex_slots(context.patches, context.patch, context.lane)
         work.edges = edges
         work.triangles = triangles
         return work
 
-    return compute_edges
+    return compute_singles
+
+
+def _compute_tiles_function(options: KernelOptions) -> wp.Function:
+    precision, terms, fits = options.precision, options.terms, options.fits
+    types, PatchWork, Context = cloth_types(precision), work_type(precision), context_type(precision)
+    fetch_tables, read_vertices = fetch_function(options), vertices_step(options).read_vertices
+    load_tile, compute_tile_normals = tile_functions(precision, fits).load_tile, tile_normals_step(options)
+    tiles = tile_edges_step(options)
+    load_constants, compute_tile_edges = tiles.load_constants, tiles.compute_tile_edges
+    compute_normals, compute_edges = normals_step(options), edges_step(options)
+    edge_table, vertex_slots = edge_table_functions(options).edge_table, load_functions(options).vertex_slots
+    fetch_next = next_functions(precision).fetch_next
+
+    @wp.func
+    def compute_tiles(context: Context, state: types.State, first: int, second: int, upcoming: Patch):
+        """``compute_edges`` where a thread works on a tile; the last threads on edges and normals that no tile has."""
+        patches, patch = context.patches, context.patch
+        fetch_tables(patches, patch)
+        corner_word = wp.uint64(0)
+        if wp.static(terms.folds):
+            triangle = wp.min(patch.triangle_count + last_first(context.lane), patch.normal_count)
+            corner_word = element(patches.corners, patch.triangle_start + triangle)
+        loaded = load_tile(patches, patch, context.lane)
+        read_vertices(context, state, first, second)
+        if wp.static(options.packed):
+            if fetches(NEXT_WARP):
+                fetch_next(patches, state, upcoming)
+        wait_for_block()
+        tile = compute_tile_normals(context, loaded)
+        if wp.static(terms.folds):
+            compute_normals(context, corner_word)
+        if wp.static(fits):
+            tile = load_constants(patches, patch, tile)
+        if wp.static(terms.folds):
+            wait_for_block()
+        tile = compute_tile_edges(context, tile)
+        if wp.static(terms.folds or terms.edges):
+            edge = wp.static(SLOTS) * patch.tile_count + last_first(context.lane)
+            end_word, constants = edge_table(patches, patch, edge)
+            compute_edges(context, end_word, constants)
+        edges, triangles = vertex_slots(patches, patch, context.lane)
+        work = PatchWork()
+        work.tile = tile
+        work.edges = edges
+        work.triangles = triangles
+        return work
+
+    return compute_tiles
 
 
 @functools.cache
