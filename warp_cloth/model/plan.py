@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_cloth.garment.confines import confining_box
 from warp_cloth.garment.garment import terms_of
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.garment.reach import reach_box
 from warp_cloth.scene import Scene
 
 
@@ -82,7 +82,7 @@ def _may_touch(scene: Scene, outfit: Outfit) -> bool:
     low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
     for garment in outfit.garments:
         apart = (garment.box[0] > high + gap) | (garment.box[1] < low - gap)
-        box = reach_box(garment) if apart.any() else None
+        box = confining_box(garment) if apart.any() else None
         if box is None or not ((box[0] > high + gap) | (box[1] < low - gap)).any():
             return True
     return False

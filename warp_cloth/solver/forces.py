@@ -40,13 +40,13 @@ class NormalsPass:
         return pass_size(self._model.triangle_count, True) if self._packets else self._some.size
 
     @property
-    def asks(self) -> list[Any]:
-        """What the kernel takes at last."""
+    def last_arguments(self) -> list[Any]:
+        """Arguments of the kernel after those of all passes."""
         return [self.normal, self.sides] if self._packets else [self._some.groups, self.normal]
 
     def launch(self, vertices: Any, state: Any, step: Any, triangles: Any = None) -> None:
         """Launches it; a Model, a State and a Step of base.types, and their triangles, or the model's."""
-        inputs = [vertices, state, triangles or self._model.triangles, step, *self.asks]
+        inputs = [vertices, state, triangles or self._model.triangles, step, *self.last_arguments]
         wp.launch(self.kernel, dim=self.size, inputs=inputs, device=self._model.device)
 
 
@@ -82,7 +82,7 @@ class ForcePass:
         if terms.folds:
             first = NormalsPass(model)
             normal, sides = first.normal, first.sides
-            self._passes.append((first.kernel, first.size, [model.triangles], first.asks))
+            self._passes.append((first.kernel, first.size, [model.triangles], first.last_arguments))
         iterates = accumulate.is_bound
         if terms.edges or terms.folds:
             packets = iterates and not terms.angles and takes_packets(model, edges)
