@@ -144,7 +144,7 @@ class Relaxation:
     def update_anisotropy(self, relative_rms: NDArray[np.float64]) -> None:
         """Lets worn items whose forces have balanced take anisotropic steps, others not; tells cloth on cloth, too.
 
-        To be told after a look at all items, that many iterations later on every device.
+        To be told after a check of all items, that many iterations later on every device.
 
         Args:
             relative_rms: of the items' residuals, shape [items].
@@ -249,7 +249,7 @@ class Relaxation:
             and self._done % self._renewal == 0
         ):
             vertices = self.model.vertices if self._packed is None else self._packed.vertices
-            self._anisotropic_step.look_up(vertices, state, self.step)
+            self._anisotropic_step.update(vertices, state, self.step)
         self._done += 1
 
     def iterate(self, count: int = 1) -> None:
@@ -318,7 +318,7 @@ class Relaxation:
             self._done += iterations
             return
         while iterations > 0:
-            part = min(iterations, self._renewal - self._done % self._renewal) if together.looks_first else iterations
+            part = min(iterations, self._renewal - self._done % self._renewal) if together.updates_first else iterations
             together.run(self._captured_shares(together, part))
             self._done += part
             iterations -= part
@@ -333,8 +333,8 @@ class Relaxation:
         which = iterations, self._done % self._renewal
         if which not in self._shares_graphs:
             loose = bool(self._items["anisotropy_limit"].any())
-            looks = [loose and (self._done + number) % self._renewal == 0 for number in range(iterations)]
-            self._shares_graphs[which] = together.capture(self.step, self.collider_data, looks)
+            updates = [loose and (self._done + number) % self._renewal == 0 for number in range(iterations)]
+            self._shares_graphs[which] = together.capture(self.step, self.collider_data, updates)
         return self._shares_graphs[which]
 
     def _whole(self, shown: bool) -> bool:
