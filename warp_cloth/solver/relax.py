@@ -50,6 +50,7 @@ class Relaxation:
     ) -> None:
         self.model, self.cloth_contact = model, cloth_contact
         of_items = [colliders] * model.item_count if isinstance(colliders, Collider) else list(colliders)
+        self._colliders = of_items  # keeps the arrays that ``collider_data`` refers to
         self.avatar_contact, self.collider_type = of_items[0].avatar_contact, of_items[0].data_type or NoCollider
         self.step = build_step(options, model.precision)
         self._anisotropy_limit, self._loose, self._renewal = options.anisotropy_limit, options.loose, options.renewal
@@ -137,6 +138,7 @@ class Relaxation:
     def set_collider(self, item: int, collider: Collider) -> None:
         """Replaces an item's collider by another one of the same kind."""
         self.model.forget_clearance(item)
+        self._colliders[item] = collider
         if self.avatar_contact is not None:
             data = wp.array([collider.data], dtype=self.collider_type, device=self.model.device)
             wp.copy(self.collider_data, data, dest_offset=item, count=1)
