@@ -39,12 +39,11 @@ _REGION_BITS = 16  # a word packs four regions
 
 @wp.struct
 class ContactFabric:
-    """Fabric of a vertex, or where two pieces of cloth meet; four numbers, which one load reads."""
+    """Fabric of a vertex, or where two pieces of cloth meet."""
 
     thickness: float  # [m]
     squeeze_modulus: float  # of laws.squeeze [N/m]
     friction: float
-    unused: float
 
 
 @wp.struct

@@ -270,7 +270,7 @@ def block_forces_function(precision: str, accumulate: Accumulate, in_order: bool
     all = int(accumulate is Accumulate.MAGNITUDE)
 
     @wp.func
-    def add_block_forces(step: Step, state: State, contact: ContactData, thread: int, blocks: int):
+    def add_block_forces(step: Step, state: State, contact: ContactData, blocks: int):
         """Adds the forces of those due pairs that one of ``blocks`` blocks takes; the first also advances the bounds.
 
         A block queues them first: they are few and scattered, so that otherwise most threads would wait for others.
@@ -323,6 +323,6 @@ def force_kernel(precision: str, accumulate: Accumulate, in_order: bool = False)
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=BLOCK_THREADS)
     def add_contact_forces(state: State, step: Step, contact: ContactData, blocks: int):
         """Adds the forces of all pairs."""
-        add_block_forces(step, state, contact, wp.tid(), blocks)
+        add_block_forces(step, state, contact, blocks)
 
     return add_contact_forces

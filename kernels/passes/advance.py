@@ -299,7 +299,7 @@ def _advance_in_contact_kernel(options: KernelOptions) -> wp.Kernel:
         block = block_of(thread)
         signalling, waiting = contact.blocks.force_count, contact.blocks.move_count
         if block < signalling:
-            add_block_forces(step, state, contact, thread, signalling)
+            add_block_forces(step, state, contact, signalling)
             signal_done(contact.blocks.done)
             return
         start = own.start_patch(model, patches, block - signalling, lane)

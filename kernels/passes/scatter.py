@@ -30,7 +30,7 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
     """Kernel ``measure_normals``, which goes first where cloth bends; ``packed``: as of packing.order_functions."""
     types = cloth_types(precision)
     position_at = order_functions(precision, packed).position_at
-    vec4, Model, State, Triangles, Step = types.vec4, types.Model, types.State, types.Triangles, types.Step
+    vec4, Model, State, Triangles = types.vec4, types.Model, types.State, types.Triangles
     triangle_normal = triangle_functions(precision, Accumulate.NONE).triangle_normal
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -38,7 +38,6 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
         model: Model,
         state: State,
         triangles: Triangles,
-        step: Step,
         groups: wp.array(dtype=wp.int32),  # of kernels.base.active_set, of triangles
         normal_out: wp.array(dtype=vec4),  # unit normal and inverse of twice the area [1/m2], shape [F]
     ):
@@ -60,7 +59,7 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
 def packet_normals_kernel(precision: str) -> wp.Kernel:
     """Kernel ``measure_normals`` of packets, whose sides it stores for ``add_triangles``."""
     types = cloth_types(precision)
-    vec4, Model, State, Triangles, Step = types.vec4, types.Model, types.State, types.Triangles, types.Step
+    vec4, Model, State, Triangles = types.vec4, types.Model, types.State, types.Triangles
     like, packets = wp.constant(types.real(0.0)), lane_types(types.real, WIDTH)
     active_lanes = active_lanes_function(precision)
 
@@ -69,7 +68,6 @@ def packet_normals_kernel(precision: str) -> wp.Kernel:
         model: Model,
         state: State,
         triangles: Triangles,
-        step: Step,
         normal_out: wp.array(dtype=vec4),  # unit normal and inverse of twice the area [1/m2], shape [F]
         sides_out: wp.array(dtype=packets.vec3),  # both sides of eight triangles' first corners [m], shape [F / 8, 2]
     ):

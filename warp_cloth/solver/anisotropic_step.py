@@ -160,7 +160,7 @@ class _GatheredUpdate:
     def launch(self, vertices: Any, state: Any, step: Any) -> None:
         device, active_set = self._model.device, self._active_set
         if self._normals is not None:
-            self._normals.launch(vertices, state, step, self._triangles)
+            self._normals.launch(vertices, state, self._triangles)
             edges = active_set.edges
             read = [vertices, state, edges.groups, self._edges, self._normals.normal, step, self._bound]
             wp.launch(self._kernels.bound_folds, dim=edges.size, inputs=read, device=device)
@@ -192,7 +192,7 @@ class ScatteredUpdate:
         """Launches it; ``own``: Model and State of the span alone, where that is not all."""
         model, device, kernels = self._model, self._model.device, self._kernels
         if self._normals is not None:
-            self._normals.launch(vertices, state, step)
+            self._normals.launch(vertices, state)
             inputs = [vertices, state, model.edges, self._normals.normal, step, self._fold, self._bounds[0]]
             wp.launch(self._edges, dim=pass_size(model.edge_count, True), inputs=inputs, device=device)
         (own_vertices, own_state), count = own or (vertices, state), len(self._own_bounds[0])
