@@ -1,9 +1,8 @@
 """Kernels that gather vertices' forces patch by patch and move them, from one set of arrays to another; for CUDA.
 
-A block computes a patch (``passes.gather``), then a thread moves a vertex that the patch owns. There are three kernels:
-``advance_vertices``, a thread for each vertex; ``advance_in_contact``, whose first blocks compute the contact forces of
-cloth on cloth meanwhile (one launch instead of two, where patches are few); and ``advance_large``, where a patch is too
-large for a block's own memory or threads.
+A block computes a patch (``passes.gather``), then its threads move the vertices that the patch owns: one each or, where
+patches are too large for a block, one after another. There are two kernels: ``advance_vertices`` and, where patches are
+few and cloth meets cloth, ``advance_in_contact``, whose first blocks compute contact forces meanwhile.
 """
 
 import dataclasses
@@ -52,10 +51,8 @@ from warp_cloth.kernels.patches.packing import first_three, order_functions
 
 
 def advance_kernel(options: KernelOptions) -> wp.Kernel:
-    """The kernel of these three that iterates such cloth."""
+    """The kernel of these two that iterates such cloth."""
     options = _advance_options(options)
-    if not options.fits:
-        return _advance_large_kernel(options)
     return _advance_in_contact_kernel(options) if fuses_contact(options) else _advance_kernel(options)
 
 
@@ -81,7 +78,7 @@ def _launch_bounds(options: KernelOptions) -> tuple[int, int]:
 
 
 def _kernel_settings(options: KernelOptions) -> dict:
-    """How Warp compiles the three."""
+    """How Warp compiles the two."""
     return {
         "module": "unique",
         "module_options": MODULE_OPTIONS,
@@ -190,7 +187,7 @@ def start_type(precision: str) -> type:
 
 @functools.cache
 def advance_functions(options: KernelOptions) -> SimpleNamespace:
-    """Functions ``start_patch`` and ``patch_vertex``, with which the kernels below begin."""
+    """Functions ``start_patch``, ``read_vertex`` and ``patch_vertex``, with which the kernels below begin."""
     types, functions = cloth_types(options.precision), patch_functions(options)
     precision, early = options.precision, _reads_early(options)
     PatchStart, Context, PatchWork = start_type(precision), context_type(precision), work_type(precision)
@@ -212,30 +209,36 @@ def advance_functions(options: KernelOptions) -> SimpleNamespace:
         return start
 
     @wp.func
+    def read_own_vertex(context: Context, model: types.Model, state: types.State, local: int, item: types.Item):
+        """One of the vertices that the patch owns."""
+        index = functions.own_vertex(context.patches, context.patch, local)
+        moves = free(model, index)
+        vertex = read_vertex(context, model, state, local, index, item)
+        vertex.free = moves
+        return vertex
+
+    @wp.func
     def patch_vertex(context: Context, work: PatchWork, model: types.Model, state: types.State, item: types.Item):
         """A thread's vertex, loaded while triangles are computed; beyond the last own vertex, that one."""
         if wp.static(not early):
             functions.compute_corners(context, work)
         load_no_earlier()
-        own = wp.min(int(context.lane), context.patch.owned_count - 1)
-        index = functions.own_vertex(context.patches, context.patch, own)
-        moves = free(model, index)
-        vertex = read_vertex(context, model, state, own, index, item)
-        vertex.free = moves
+        vertex = read_own_vertex(context, model, state, wp.min(int(context.lane), context.patch.owned_count - 1), item)
         if wp.static(early):
             functions.compute_corners(context, work)
         return vertex
 
-    return SimpleNamespace(start_patch=start_patch, patch_vertex=patch_vertex)
+    return SimpleNamespace(start_patch=start_patch, read_vertex=read_own_vertex, patch_vertex=patch_vertex)
 
 
 @functools.cache
 def _advance_kernel(options: KernelOptions) -> wp.Kernel:
-    """Kernel ``advance_vertices``: a thread for each vertex, and none waits for what is loaded before the block."""
+    """Kernel ``advance_vertices``: no thread waits for what is loaded before the block has computed."""
     types, own, functions = cloth_types(options.precision), advance_functions(options), patch_functions(options)
     patch_context, prefetch, move_vertex = (
         context_function(options), prefetch_function(options), move_function(options),
     )  # fmt: skip
+    prefetches = options.fits and not options.cloth_contact  # else there are no registers for it
 
     @wp.kernel(**_kernel_settings(options))
     def advance_vertices(  # nine arguments: the last two are the arrays that iterations write by turns
@@ -260,14 +263,21 @@ def _advance_kernel(options: KernelOptions) -> wp.Kernel:
         work = functions.compute_edges(context, state, start.first, start.second, start.upcoming)
         vertex = own.patch_vertex(context, work, model, state, item)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
-        if wp.static(not options.cloth_contact):
+        if wp.static(prefetches):
             known = prefetch(state, colliders, contact, vertex.index, wp.vec3d(vertex.position), patch.item, item)
         wait_for_block()
-        if lane < patch.owned_count:
-            load = functions.vertex_load(context, lane, edges, triangles)
-            if wp.static(options.cloth_contact):
+        local = int(lane)
+        while local < patch.owned_count:
+            load = functions.vertex_load(context, local, edges, triangles)
+            if wp.static(not prefetches):
                 known = prefetch(state, colliders, contact, vertex.index, wp.vec3d(vertex.position), patch.item, item)
             move_vertex(state, step, colliders, contact, known, load, vertex, position_out, displacement_out)
+            local += block_threads()
+            if wp.static(options.fits):  # a thread has one vertex only
+                local = patch.owned_count
+            elif local < patch.owned_count:
+                edges, triangles = functions.vertex_slots(patches, patch, local)
+                vertex = own.read_vertex(context, model, state, local, item)
 
     return advance_vertices
 
@@ -324,51 +334,3 @@ def _advance_in_contact_kernel(options: KernelOptions) -> wp.Kernel:
         leave_blocks(contact.blocks.done, signalling, waiting, arrived)
 
     return advance_in_contact
-
-
-@functools.cache
-def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
-    """Kernel ``advance_large``: a thread takes one vertex after another."""
-    types, own, functions = cloth_types(options.precision), advance_functions(options), patch_functions(options)
-    patch_context, prefetch, move_vertex = (
-        context_function(options), prefetch_function(options), move_function(options),
-    )  # fmt: skip
-    read_vertex, free = read_function(options), free_function(options.precision, options.terms.pins)
-
-    @wp.kernel(**_kernel_settings(options))
-    def advance_large(  # nine arguments, as advance_vertices
-        model: types.Model,
-        state: types.State,
-        step: types.Step,
-        colliders: colliders_type(options.avatar_contact, options.collider),
-        contact: cloth_contact_type(options.cloth_contact),
-        patches: types.Patches,
-        overflow: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
-        position_out: wp.array(dtype=types.point),  # [m], shape [V]
-        displacement_out: wp.array(dtype=move_type(options)),  # [m], shape [V]
-    ):
-        """Moves each free vertex of an item that is not at rest by the forces that meet there; pinned ones stay."""
-        thread = wp.tid()
-        lane = lane_of(thread)
-        start = own.start_patch(model, patches, block_of(thread), lane)
-        patch, item = start.patch, start.item
-        if skips_patch(item.active, patch, start.first, start.second):
-            return
-        context = patch_context(step, patches, patch, overflow, lane)
-        work = functions.compute_edges(context, state, start.first, start.second, start.upcoming)
-        functions.compute_corners(context, work)
-        load_no_earlier()
-        local = int(lane)
-        edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
-        wait_for_block()
-        while local < patch.owned_count:
-            index = functions.own_vertex(patches, patch, local)
-            vertex = read_vertex(model, state, index, patch.item, item)
-            vertex.free = free(model, index)
-            load = functions.vertex_load(context, local, edges, triangles)
-            known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
-            move_vertex(state, step, colliders, contact, known, load, vertex, position_out, displacement_out)
-            local += block_threads()
-            edges, triangles = functions.vertex_slots(patches, patch, local)
-
-    return advance_large
