@@ -77,12 +77,12 @@ def _may_touch(scene: Scene, outfit: Outfit) -> bool:
         return False
     if scene.collision.cloth is True:  # layers push one another apart, by a distance that no energy bounds
         return True
-    gap = scene.collision.offset
+    offset = scene.collision.offset
     boxes = [outfit.avatar.bounds(), *((pose.min(axis=0), pose.max(axis=0)) for pose in outfit.poses)]
     low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
     for garment in outfit.garments:
-        apart = (garment.box[0] > high + gap) | (garment.box[1] < low - gap)
+        apart = (garment.box[0] > high + offset) | (garment.box[1] < low - offset)
         box = confining_box(garment) if apart.any() else None
-        if box is None or not ((box[0] > high + gap) | (box[1] < low - gap)).any():
+        if box is None or not ((box[0] > high + offset) | (box[1] < low - offset)).any():
             return True
     return False
