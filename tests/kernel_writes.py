@@ -10,8 +10,18 @@ from pathlib import Path
 
 Params = frozenset[int]
 
-# Functions in C++ whose Python body does not show that they write their first argument.
-NATIVE_WRITERS = {"raise_to", "count_all", "signal_done", "leave_blocks"}
+# Functions in C++ whose Python body does not show that they write their first argument. Left out are those that write a
+# block's own memory, which is no result.
+NATIVE_WRITERS = {
+    "await_blocks",
+    "count_requests",
+    "grid_barrier",
+    "leave_blocks",
+    "next_slot",
+    "raise_step",
+    "signal_done",
+    "team_slot",
+}
 
 
 @dataclass
@@ -22,9 +32,9 @@ class DeviceFunction:
     node: ast.FunctionDef
     kind: str  # "func", "func_native" or "kernel"
     written: set[int] = field(default_factory=set)  # which of its parameters
-    calls: list[tuple[tuple[str, ...], list[int | None]]] = field(
+    calls: list[tuple[tuple[str, ...], list[set[int]]]] = field(
         default_factory=list
-    )  # names, parameter passed as each
+    )  # names, parameters passed as each
 
     @property
     def parameters(self) -> list[ast.arg]:
@@ -125,7 +135,7 @@ class Writes:
         return found
 
     def _read_body(self, function: DeviceFunction) -> None:
-        place = {argument.arg: number for number, argument in enumerate(function.parameters)}
+        places = self._places(function)
         if function.kind == "func_native" and function.node.name in NATIVE_WRITERS:
             function.written.add(0)
         for node in ast.walk(function.node):
@@ -135,21 +145,39 @@ class Writes:
             elif isinstance(node, ast.AugAssign):
                 targets = [node.target]
             for target in targets:
-                if isinstance(target, ast.Subscript) and root_of(target) in place and self._is_array(function, target):
-                    function.written.add(place[str(root_of(target))])
+                if isinstance(target, ast.Subscript) and root_of(target) in places and self._is_array(function, target):
+                    function.written |= places[str(root_of(target))]
             if isinstance(node, ast.Call):
-                passed = [place.get(root_of(argument) or "") for argument in node.args]
+                passed = [places.get(root_of(argument) or "", set()) for argument in node.args]
                 names = tuple(names_in(node.func))
-                if any(name.startswith("atomic_") for name in names) and passed and passed[0] is not None:
-                    function.written.add(passed[0])
+                if any(name.startswith("atomic_") for name in names) and passed:
+                    function.written |= passed[0]
                 function.calls.append((names, passed))
+
+    @staticmethod
+    def _places(function: DeviceFunction) -> dict[str, set[int]]:
+        """Which parameters a variable of a function is, is a member of, or (a ``context``) has as members."""
+        places = {argument.arg: {number} for number, argument in enumerate(function.parameters)}
+        for node in (node for node in ast.walk(function.node) if isinstance(node, ast.Assign)):
+            for target, value in zip(unpacked(node.targets[0]), unpacked(node.value), strict=False):
+                parts = [value]
+                if isinstance(value, ast.Call) and any(name.endswith("_context") for name in names_in(value.func)):
+                    parts = value.args
+                elif not isinstance(value, ast.Attribute) or any(isinstance(x, ast.Subscript) for x in ast.walk(value)):
+                    continue
+                found = set().union(*(places.get(root_of(part) or "", set()) for part in parts))
+                if isinstance(target, ast.Name) and found:
+                    places[target.id] = places.get(target.id, set()) | found
+        return places
 
     @staticmethod
     def _is_array(function: DeviceFunction, target: ast.Subscript) -> bool:
         """Whether what is indexed is an array, and no vector that was passed by value."""
         root = root_of(target)
-        (argument,) = [each for each in function.parameters if each.arg == root]
         if isinstance(target.value, ast.Name):
+            argument = next((each for each in function.parameters if each.arg == root), None)
+            if argument is None:
+                return False
             return argument.annotation is not None and "array" in ast.unparse(argument.annotation)
         return True
 
@@ -160,6 +188,6 @@ class Writes:
                 if callee is function:
                     continue
                 for number, own in enumerate(passed):
-                    if own is not None and number in callee.written:
-                        function.written.add(own)
+                    if number in callee.written:
+                        function.written |= own
         return len(function.written) > before

@@ -47,7 +47,7 @@ def compliance_of(model: ClothModel, *, most: float = MOST, horizon: float = 20.
     rows = model.vertices.items.numpy().copy()
     rows["cap"], rows["anisotropy_limit"] = CAP, most
     model.vertices.items.assign(rows)
-    with_compliance(model).look_up(model.vertices, model.state, step)
+    with_compliance(model).update(model.vertices, model.state, step)
     return matrices(model.state.compliance.numpy())
 
 

@@ -20,7 +20,7 @@ FALLING = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "collis
 
 
 def ended(changes: Sequence[Sequence[str]], *, ahead: bool) -> tuple[list[Outcome], np.ndarray]:
-    """How scenes of cloth that falls on a ball end together, and each vertex' push on that [N] and stiffness [N/m].
+    """How scenes of cloth that falls on a ball end together, and each vertex' normal force [N] and stiffness [N/m].
 
     The last shape is what the model holds.
     """
@@ -45,8 +45,8 @@ def test_what_runs_ahead_ends_where_its_check_saw_it(
     changes: Sequence[Sequence[str]], gathers: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=gathers))
-    (all_late, late_push), (all_early, early_push) = (ended(changes, ahead=ahead) for ahead in (True, False))
-    np.testing.assert_array_equal(late_push, early_push)
+    (all_late, late_force), (all_early, early_force) = (ended(changes, ahead=ahead) for ahead in (True, False))
+    np.testing.assert_array_equal(late_force, early_force)
     for late, early in zip(all_late, all_early, strict=True):
         assert (late.status, late.iterations, late.check) == (early.status, early.iterations, early.check)
         np.testing.assert_array_equal(late.points, early.points)

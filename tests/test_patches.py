@@ -18,8 +18,9 @@ from warp_cloth.garment.rest import RestShape, build_rest_shape
 from warp_cloth.kernels.base.options import FEW, SINGLE, Accumulate, Terms, block_for
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.model.model import build_model
-from warp_cloth.model.patches import cutting, on_device
-from warp_cloth.model.patches.cutting import PatchTables, cut_patches, even_size
+from warp_cloth.model.patches import block_memory, cutting, on_device
+from warp_cloth.model.patches.cutting import cut_patches, even_size
+from warp_cloth.model.patches.tables import PatchTables
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import Method, StepOptions
 
@@ -97,7 +98,7 @@ def test_where_more_meets_than_words_of_pairs_tell_apart_there_are_none(monkeypa
 def test_every_vertex_is_owned_once_and_every_patch_has_memory(mesh: Mesh) -> None:
     tables = cut(mesh, fan_rest(mesh))
     assert (np.sort(owned(tables)) == np.arange(mesh.vertex_count)).all()
-    needed = cutting._memory(tables.patch, BENT, "mixed")
+    needed = block_memory.block_memory(tables.patch, BENT, "mixed")
     place = tables.patch["overflow"]
     assert ((needed > SINGLE.memory) == (place >= 0)).all()
     assert (tables.patch["owned_count"][place >= 0] == 1).all()  # only what cannot be cut further
@@ -117,9 +118,10 @@ def test_patches_cut_in_several_parts_are_those_cut_at_once(fabric: object, monk
     rest = build_rest_shape(mesh, fabric, rest="mesh")
     terms = terms_of([Garment(mesh.points, mesh.triangles, rest, np.zeros(0, dtype=np.int32))])
     monkeypatch.setattr(cutting, "SMALLEST", 7)
-    monkeypatch.setattr(cutting, "block_for", lambda paired: SINGLE._replace(memory=4000))  # some have to be halved
+    for module in (cutting, block_memory):  # some have to be halved
+        monkeypatch.setattr(module, "block_for", lambda paired: SINGLE._replace(memory=4000))
     whole = cut(mesh, rest, terms)
-    monkeypatch.setattr(cutting, "CHUNK", 3)
+    monkeypatch.setattr(cutting, "PORTION", 3)
     parts = cut(mesh, rest, terms)
     assert len(whole.patch["owned_count"]) > 144 / 7
     for name in (field for field in PatchTables.__dataclass_fields__ if field != "patch"):

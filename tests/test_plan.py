@@ -15,7 +15,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.cli.main import app
 from warp_cloth.fitting.fit import fit
 from warp_cloth.fitting.problem import Problem, load_problem
-from warp_cloth.garment.reach import reach_box
+from warp_cloth.garment.confines import confining_box
 from warp_cloth.model.plan import contact_kind, make_plan
 from warp_cloth.scene import load_scene
 from warp_cloth.study import footprint, planning, savings, timing
@@ -143,7 +143,7 @@ def test_a_pinned_garment_stays_within_its_reach_all_the_way(fabric: dict[str, o
     tree = {"garment": {"shape": SQUARE, "fabric": {**fabric, "weight": 5.0}, "pin": {"vertices": [0]}}}
     scene = load_scene(tree, ["solver.iterations=3000"])
     made = load_problem(scene, "cpu")
-    box = reach_box(made.outfit.garments[0])
+    box = confining_box(made.outfit.garments[0])
     assert box is not None
     worn = fit(scene, device="cpu", frames=20)
     shapes = worn.garments[0].frames
@@ -154,7 +154,7 @@ def test_a_pinned_garment_stays_within_its_reach_all_the_way(fabric: dict[str, o
 
 def test_nothing_is_proved_of_a_garment_that_nothing_holds() -> None:
     made = load_problem(load_scene({"garment": {"shape": SQUARE, "fabric": PLAIN}}), "cpu")
-    assert reach_box(made.outfit.garments[0]) is None
+    assert confining_box(made.outfit.garments[0]) is None
 
 
 def test_every_term_says_why() -> None:

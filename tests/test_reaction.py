@@ -52,8 +52,8 @@ def raised(points: np.ndarray, height: float) -> np.ndarray:
     return points + np.array([0.0, height, 0.0])
 
 
-def residual_and_push(relaxation: Relaxation) -> tuple[np.ndarray, np.ndarray]:
-    """Residual in weights and relative, shape [V, 2], and push on the avatar [N], shape [V]."""
+def residual_and_normal_force(relaxation: Relaxation) -> tuple[np.ndarray, np.ndarray]:
+    """Residual in weights and relative, shape [V, 2], and normal force on the avatar [N], shape [V]."""
     certifier = Certifier(relaxation)
     certifier.measure(0)
     return certifier._residual.numpy().astype(np.float64), np.asarray(certifier.normal_forces())
@@ -75,16 +75,16 @@ def test_a_sheet_that_hovers_has_the_share_of_its_weight_left_that_it_would_fall
     """Nothing but its weight moves it, by the cap of 5 mm: from 1 mm it falls by a fifth of that."""
     relaxation = hovering(height)
     cap = float(relaxation.model.vertices.items.numpy()["cap"][0])
-    residual, push = residual_and_push(relaxation)
+    residual, normal_force = residual_and_normal_force(relaxation)
     weight = relaxation.model.vertices.weight.numpy()
     assert np.allclose(residual[:, 0], height / cap, rtol=0.0, atol=1e-3)
-    assert np.allclose(push / weight, 1.0 - height / cap, rtol=0.0, atol=1e-3)
+    assert np.allclose(normal_force / weight, 1.0 - height / cap, rtol=0.0, atol=1e-3)
 
 
 def test_a_sheet_that_the_next_step_does_not_bring_down_has_all_of_its_weight_left() -> None:
-    residual, push = residual_and_push(hovering(6e-3))
+    residual, normal_force = residual_and_normal_force(hovering(6e-3))
     assert np.allclose(residual[:, 0], 1.0, atol=ROUNDING)
-    assert not push.any()
+    assert not normal_force.any()
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
@@ -100,13 +100,13 @@ def test_what_is_left_of_a_force_is_what_its_next_step_moves(friction: float) ->
     for _ in range(2):  # the first step finds the stiffness
         model.set_points(before)
         bound = model.state.stiffness.numpy()
-        residual, push = residual_and_push(relaxation)
+        residual, normal_force = residual_and_normal_force(relaxation)
         relaxation.iterate()
     moved = np.linalg.norm(model.points() - before, axis=1)
     seen = exact.sample(before)[:, 3] > OFFSET + 2.0 * CONTACT_SLACK
     seen &= model.state.stiffness.numpy() == bound  # the step was by the stiffness that the certificate had
-    assert (seen & (push > 0.0)).sum() > MANY  # some come down on the ball
-    assert (seen & (push == 0.0)).sum() > MANY  # and others do not
+    assert (seen & (normal_force > 0.0)).sum() > MANY  # some come down on the ball
+    assert (seen & (normal_force == 0.0)).sum() > MANY  # and others do not
     force = residual[:, 0] * model.vertices.weight.numpy()
     assert np.allclose(force[seen], (bound * moved)[seen], rtol=1e-3, atol=1e-4 * force.max())
 
@@ -129,17 +129,17 @@ def test_a_taut_vertex_that_a_steep_field_leaves_above_the_offset_is_held() -> N
     relaxation = hanging_on(STEEP)
     height = STEEP * float(relaxation.model.points()[0, 1]) - OFFSET
     before = relaxation.model.points()
-    residual, push = residual_and_push(relaxation)
+    residual, normal_force = residual_and_normal_force(relaxation)
     relaxation.iterate(1000)
     assert height > CONTACT_SLACK  # it does stand above
     assert np.abs(relaxation.model.points() - before).max() < 1e-9  # and stays there
     assert residual[0, 1] < 1e-4
     pull = 4e4 * (np.linalg.norm(before[0] - before[1]) - 0.05) ** 2
-    assert push[0] == pytest.approx(pull + 1e-3, rel=0.01)
+    assert normal_force[0] == pytest.approx(pull + 1e-3, rel=0.01)
 
 
 def test_a_taut_vertex_beyond_the_cone_of_friction_is_not_held() -> None:
-    """Pulled at 45 degrees, on a floor with friction 0.5: half of its push is left while it slides."""
+    """Pulled at 45 degrees, on a floor with friction 0.5: half of the force along it is left while it slides."""
     points = np.array([[0.0, OFFSET, 0.0], [0.1, OFFSET - 0.1, 0.0]])
     rest = bare_rest(points, edges=[[0, 1]], length=[0.05], pull=4e4, weight=1e-6)
     mesh = Mesh("thread", points, np.zeros((0, 3), dtype=np.int32))
@@ -148,7 +148,7 @@ def test_a_taut_vertex_beyond_the_cone_of_friction_is_not_held() -> None:
         relaxation = Relaxation(model, floor(), STILL)
         relaxation.iterate()
         model.set_points(raised(points, lifted))
-        residual, _push = residual_and_push(relaxation)
+        residual, _ = residual_and_normal_force(relaxation)
         assert residual[0, 1] == pytest.approx(0.5 * 0.5**0.5, abs=0.02)
 
 
@@ -158,5 +158,5 @@ def test_the_direct_rule_holds_what_stands_in_the_offset_only() -> None:
     for height, left_over in ((0.5 * CONTACT_SLACK, 0.0), (2.0 * CONTACT_SLACK, 1.0)):
         model = model_of(flat, build_rest_shape(flat, Fabric(), rest="mesh"), avatar_friction=FRICTION, offset=OFFSET)
         model.set_points(raised(flat.points, OFFSET + height))
-        residual, _push = residual_and_push(Relaxation(model, floor(), StepOptions(method="direct")))
+        residual, _ = residual_and_normal_force(Relaxation(model, floor(), StepOptions(method="direct")))
         assert np.allclose(residual[:, 0], left_over, atol=ROUNDING)

@@ -15,7 +15,8 @@ from warp_cloth.garment.rest import RestShape, build_rest_shape
 from warp_cloth.kernels.base.options import CODE_BITS, NUMBER_BITS, SLOTS, WORD_CODE, WORD_CONSTANTS, Accumulate, Terms
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.model.patches import cutting, on_device
-from warp_cloth.model.patches.cutting import PatchTables, cut_patches, garment_patches
+from warp_cloth.model.patches.cutting import cut_patches, garment_patches
+from warp_cloth.model.patches.tables import PatchTables
 from warp_cloth.model.patches.tiles import OUTER_EDGES, assign_edges, find_pairs, with_constants
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})

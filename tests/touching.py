@@ -131,7 +131,8 @@ def pair_energy(points: Points, pair: Pair, thickness: float, modulus: float) ->
 
 def constants(cloth_contact: ClothContact) -> tuple[float, float]:
     """Thickness [m] and modulus [N/m] of garments of one fabric."""
-    return float(cloth_contact.data.model.thickness.numpy()[0]), float(cloth_contact.data.model.fabric.numpy()[0, 1])
+    fabric = cloth_contact.data.model.fabric.numpy()[0]
+    return float(fabric["thickness"]), float(fabric["squeeze_modulus"])
 
 
 def brute_energy(points: Points, pairs: list[Pair], cloth_contact: ClothContact) -> float:

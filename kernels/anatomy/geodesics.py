@@ -23,7 +23,7 @@ def link_vertices(
 
 
 @wp.func
-def push(
+def heap_push(
     distance: wp.float64,
     vertex: wp.int32,
     count: wp.int32,
@@ -44,8 +44,8 @@ def push(
 
 
 @wp.func
-def drop_first(count: wp.int32, key_out: wp.array(dtype=wp.float64), heap_out: wp.array(dtype=wp.int32)):
-    """Takes the first out of a heap, of which ``count`` remain."""
+def heap_pop(count: wp.int32, key_out: wp.array(dtype=wp.float64), heap_out: wp.array(dtype=wp.int32)):
+    """Takes the first out of a heap, of which ``count`` are left."""
     distance = key_out[count]
     vertex = heap_out[count]
     place = wp.int32(0)
@@ -81,20 +81,20 @@ def measure_distances(
     count = wp.int32(0)
     for n in range(sources.shape[0]):
         distance_out[sources[n]] = wp.float64(0.0)
-        push(wp.float64(0.0), sources[n], count, key_out, heap_out)
+        heap_push(wp.float64(0.0), sources[n], count, key_out, heap_out)
         count += 1
     while count > 0:
         near = key_out[0]
         vertex = heap_out[0]
         count -= 1
-        drop_first(count, key_out, heap_out)
+        heap_pop(count, key_out, heap_out)
         if near > distance_out[vertex]:
             continue
         for n in range(row[vertex], row[vertex + 1]):
             found = near + length[edge[n]]
             if found < distance_out[neighbours[n]]:
                 distance_out[neighbours[n]] = found
-                push(found, neighbours[n], count, key_out, heap_out)
+                heap_push(found, neighbours[n], count, key_out, heap_out)
                 count += 1
 
 

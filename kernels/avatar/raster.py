@@ -30,6 +30,13 @@ def pixel_position(view: View, p: wp.vec3f) -> wp.vec3f:
 
 
 @wp.func
+def pixel_triangle(view: View, points: wp.array(dtype=wp.vec3f), triangles: wp.array2d(dtype=wp.int32), triangle: int):
+    """``pixel_position`` of a triangle's corners."""
+    a, b = points[triangles[triangle, 0]], points[triangles[triangle, 1]]
+    return pixel_position(view, a), pixel_position(view, b), pixel_position(view, points[triangles[triangle, 2]])
+
+
+@wp.func
 def pixel_box(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, columns: int, rows: int) -> wp.vec4i:
     """First and end of the columns, then of the rows, whose centres a projected triangle may cover."""
     low = wp.min(wp.min(a, b), c)
@@ -107,9 +114,7 @@ def draw_depth(
 ):
     """Draws the surface nearest to the viewer: the greatest depth of the triangles over a pixel's centre."""
     triangle = wp.tid()
-    a = pixel_position(view, points[triangles[triangle, 0]])
-    b = pixel_position(view, points[triangles[triangle, 1]])
-    c = pixel_position(view, points[triangles[triangle, 2]])
+    a, b, c = pixel_triangle(view, points, triangles, triangle)
     box = pixel_box(a, b, c, view.columns, view.rows)
     for row in range(box[2], box[3]):
         for column in range(box[0], box[1]):
@@ -128,9 +133,7 @@ def draw_triangle_ids(
 ):
     """Draws which triangle a pixel shows; equal depths go to the lowest id: the same picture every time."""
     triangle = wp.tid()
-    a = pixel_position(view, points[triangles[triangle, 0]])
-    b = pixel_position(view, points[triangles[triangle, 1]])
-    c = pixel_position(view, points[triangles[triangle, 2]])
+    a, b, c = pixel_triangle(view, points, triangles, triangle)
     box = pixel_box(a, b, c, view.columns, view.rows)
     for row in range(box[2], box[3]):
         for column in range(box[0], box[1]):

@@ -76,13 +76,22 @@ class YarnField(enum.IntEnum):
     COMPRESSION = 3  # stiffness while they are shortened, as a fraction of that while they are stretched
 
 
-class FabricField(enum.IntEnum):
-    """Where a figure of a vertex' fabric stands in ``ContactModel.fabric`` (kernels.contact.arrays)."""
+class Yarn(enum.IntEnum):
+    """Which of a triangle's four yarns a figure is of, in a vec4 of such figures (kernels.laws.yarn)."""
 
-    THICKNESS = 0  # [m]
-    SQUEEZE_MODULUS = 1  # [N/m]
-    FRICTION = 2
-    UNUSED = 3  # four are read by one 16-byte load
+    WEFT = 0
+    WARP = 1
+    PLUS = 2  # the bias between weft and warp
+    MINUS = 3  # the bias between weft and the warp's opposite
+
+
+class SlopeField(enum.IntEnum):
+    """Where a corner's slope stands in ``Weave.slope``, ``Triangles.slope`` and ``Patches.slope`` [1/m]."""
+
+    WEFT_1 = 0  # of the second corner along weft
+    WEFT_2 = 1  # of the third
+    WARP_1 = 2  # of the second corner along warp
+    WARP_2 = 3
 
 
 class Terms(NamedTuple):

@@ -4,11 +4,12 @@ import functools
 
 import warp as wp
 
+from warp_cloth.kernels.base.options import Yarn
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
 from warp_cloth.kernels.laws.energy import bending_energy, tension_energy, yarn_energy
 from warp_cloth.kernels.laws.hinge import hinge_normals, rotated_back
 from warp_cloth.kernels.laws.tension import spring_constants
-from warp_cloth.kernels.laws.yarn import bias_vectors, warp_vector, weft_vector, yarn_constants
+from warp_cloth.kernels.laws.yarn import bias_vectors, warp_vector, weft_vector, yarn_stiffness
 
 
 @functools.cache
@@ -50,16 +51,17 @@ def measure_weave_kernel(precision: str) -> wp.Kernel:
         """Energy and stretches of each woven triangle."""
         triangle = wp.tid()
         corners = weave.corners[triangle]
-        weft_pull, warp_pull, shear_pull, compression = yarn_constants(weave.yarns[triangle])
+        pull, push = yarn_stiffness(weave.yarns[triangle])
         slope = weave.slope[triangle]
         side_1 = difference(state.position[corners[1]], state.position[corners[0]])
         side_2 = difference(state.position[corners[2]], state.position[corners[0]])
         weft, warp = weft_vector(slope, side_1, side_2), warp_vector(slope, side_1, side_2)
         plus, minus = bias_vectors(weft, warp)
-        weft_push, warp_push, shear_push = weft_pull * compression, warp_pull * compression, shear_pull * compression
-        energy = yarn_energy(weft, weft_pull, weft_push) + yarn_energy(warp, warp_pull, warp_push)
-        energy += yarn_energy(plus, shear_pull, shear_push) + yarn_energy(minus, shear_pull, shear_push)
-        energy_out[triangle] = wp.float64(energy)
+        straight = yarn_energy(weft, pull[Yarn.WEFT], push[Yarn.WEFT])
+        straight += yarn_energy(warp, pull[Yarn.WARP], push[Yarn.WARP])
+        biases = yarn_energy(plus, pull[Yarn.PLUS], push[Yarn.PLUS])
+        biases += yarn_energy(minus, pull[Yarn.MINUS], push[Yarn.MINUS])
+        energy_out[triangle] = wp.float64(straight + biases)
         stretch_out[triangle] = vec4(wp.length(weft), wp.length(warp), wp.length(plus), wp.length(minus))
 
     return measure_weave

@@ -45,7 +45,7 @@ def residual_kernel(precision: str, avatar_contact: wp.Function | None, collider
             force = vec3(load[0], load[1], load[2]) + step.gravity * weight
             residual = wp.length(force)
             if wp.static(avatar_contact is not None):
-                residual, _push = react(model, state, vertex, force, colliders[model.item[vertex]], slack)
+                residual, _normal_force = react(model, state, vertex, force, colliders[model.item[vertex]], slack)
             residual_out[vertex] = wp.vec2f(float(residual / weight), float(residual / (weight + load[3])))
 
     return measure_residual

@@ -1,4 +1,4 @@
-"""Figures of each item of a batch by ordered sums: over chunks of its vertices, then over groups of chunks."""
+"""Figures of each item of a batch by ordered sums: over slices of its vertices, then over groups of slices."""
 
 import functools
 from typing import Any
@@ -8,7 +8,7 @@ import warp as wp
 from warp_cloth.kernels.base.active_set import active_element
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rests
 
-CHUNK = 16  # vertices that one thread sums: a GPU has threads for all chunks at once
+SLICE = 16  # vertices that one thread sums: a GPU has threads for all slices at once
 GROUP = 32  # sums that a thread of the next kernel sums
 # Columns of a summary: free vertices, squared residuals in weights and relative, squared distances between the last
 # four snapshots [m2], largest change of a coordinate since the last measurement [m], largest ``growing_displacement``
@@ -86,25 +86,25 @@ def distances_of(shapes: Any, vertex: int, position: wp.vec3d):
 
 
 @functools.cache
-def summarise_chunks_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``summarise_chunks``, which comes first."""
+def summarise_slices_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``summarise_slices``, which comes first."""
     Model, State, Shapes = cloth_types(precision).Model, cloth_types(precision).State, shapes_type(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def summarise_chunks(
+    def summarise_slices(
         model: Model,
         state: State,
-        groups: wp.array(dtype=wp.int32),  # active set of chunks (kernels.base.active_set)
-        first: wp.array(dtype=wp.int32),  # first vertex of each chunk, and the vertex count
+        groups: wp.array(dtype=wp.int32),  # active set of slices (kernels.base.active_set)
+        first: wp.array(dtype=wp.int32),  # first vertex of each slice, and the vertex count
         residual: wp.array(dtype=wp.vec2f),  # of measure_residual, shape [V]
         shapes: Shapes,
-        sum_out: wp.array2d(dtype=wp.float64),  # shape [chunks, COLUMNS]
+        sum_out: wp.array2d(dtype=wp.float64),  # shape [slices, COLUMNS]
     ):
-        """Figures of each chunk of an item that still iterates and is selected."""
-        chunk = active_element(groups, wp.tid())
-        if chunk >= sum_out.shape[0]:
+        """Figures of each slice of an item that still iterates and is selected."""
+        slice = active_element(groups, wp.tid())
+        if slice >= sum_out.shape[0]:
             return
-        if rests(model, first[chunk]) or shapes.selected[model.item[first[chunk]]] == wp.uint8(0):
+        if rests(model, first[slice]) or shapes.selected[model.item[first[slice]]] == wp.uint8(0):
             return
         free = wp.float64(0.0)
         squares = wp.vec2d()
@@ -113,7 +113,7 @@ def summarise_chunks_kernel(precision: str) -> wp.Kernel:
         growing = wp.float64(0.0)
         lower = wp.vec3d(INFINITE, INFINITE, INFINITE)
         upper = -lower
-        for vertex in range(first[chunk], first[chunk + 1]):
+        for vertex in range(first[slice], first[slice + 1]):
             position = wp.vec3d(state.position[vertex])
             last = wp.vec3d(shapes.last[vertex])
             change = position - last
@@ -130,23 +130,23 @@ def summarise_chunks_kernel(precision: str) -> wp.Kernel:
                 squares += wp.cw_mul(left, left)
             if shapes.snapshot_count > 0:
                 distances += distances_of(shapes, vertex, position)
-        sum_out[chunk, wp.static(FREE)] = free
-        sum_out[chunk, wp.static(MOVED)] = moved
-        sum_out[chunk, wp.static(GROWING)] = growing
+        sum_out[slice, wp.static(FREE)] = free
+        sum_out[slice, wp.static(MOVED)] = moved
+        sum_out[slice, wp.static(GROWING)] = growing
         for k in range(2):
-            sum_out[chunk, wp.static(WEIGHTS) + k] = squares[k]
+            sum_out[slice, wp.static(WEIGHTS) + k] = squares[k]
         for k in range(3):
-            sum_out[chunk, wp.static(DISTANCES) + k] = distances[k]
-            sum_out[chunk, wp.static(LOWER) + k] = lower[k]
-            sum_out[chunk, wp.static(UPPER) + k] = upper[k]
+            sum_out[slice, wp.static(DISTANCES) + k] = distances[k]
+            sum_out[slice, wp.static(LOWER) + k] = lower[k]
+            sum_out[slice, wp.static(UPPER) + k] = upper[k]
 
-    return summarise_chunks
+    return summarise_slices
 
 
 @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
 def summarise_groups(
     first: wp.array(dtype=wp.int32),  # first row of each group, and the row count
-    sum: wp.array2d(dtype=wp.float64),  # of summarise_chunks, or of this kernel, shape [rows, COLUMNS]
+    sum: wp.array2d(dtype=wp.float64),  # of summarise_slices, or of this kernel, shape [rows, COLUMNS]
     sum_out: wp.array2d(dtype=wp.float64),  # shape [groups, COLUMNS]
 ):
     """Figures of each group: sums, the smallest of the lower corners, the largest of the rest."""

@@ -10,7 +10,6 @@ import warp as wp
 
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.block import CACHE_LINE
-from warp_cloth.kernels.base.options import FabricField
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.contact.closest_points import NOTHING, on_edges_function, on_triangle_function
 from warp_cloth.kernels.math.real import inner, root, scaled_sum
@@ -39,11 +38,20 @@ _REGION_BITS = 16  # a word packs four regions
 
 
 @wp.struct
+class ContactFabric:
+    """Fabric of a vertex, or where two pieces of cloth meet."""
+
+    thickness: float  # [m]
+    squeeze_modulus: float  # of laws.squeeze [N/m]
+    friction: float
+
+
+@wp.struct
 class ContactModel:
     """What the host alone writes: constants of the garments, and what a stage of the fit goes by; V vertices."""
 
     thickness: wp.array(dtype=wp.float32)  # [m], shape [V]
-    fabric: wp.array(dtype=wp.vec4f)  # of options.FabricField, shape [V]
+    fabric: wp.array(dtype=ContactFabric)  # shape [V]
     thickest: wp.float64  # greatest thickness [m]
     least_skin: wp.float64  # least search margin: of a vertex at rest [m]
     most_skin: wp.float64  # greatest search margin [m]
@@ -125,30 +133,11 @@ class ContactData:
     blocks: ContactBlocks
 
 
-@wp.struct
-class ContactFabric:
-    """Fabric where two pieces of cloth meet."""
-
-    thickness: float  # [m]
-    squeeze_modulus: float  # of laws.squeeze [N/m]
-    friction: float
-
-
-@wp.func
-def unpacked_fabric(packed: wp.vec4f):
-    """An element of ``ContactModel.fabric``."""
-    fabric = ContactFabric()
-    fabric.thickness = packed[FabricField.THICKNESS]
-    fabric.squeeze_modulus = packed[FabricField.SQUEEZE_MODULUS]
-    fabric.friction = packed[FabricField.FRICTION]
-    return fabric
-
-
 @wp.func
 def pair_fabric(contact: ContactData, corners: wp.vec4i):
     """Fabric where two pieces of cloth meet: the mean of both."""
-    one = unpacked_fabric(element(contact.model.fabric, corners[0]))
-    other = unpacked_fabric(element(contact.model.fabric, corners[3]))
+    one = contact.model.fabric[corners[0]]
+    other = contact.model.fabric[corners[3]]
     half = float(0.5)
     fabric = ContactFabric()
     fabric.thickness = half * (one.thickness + other.thickness)

@@ -5,8 +5,7 @@ group and lists the groups that overlap it; then a team for each such pair lists
 thread for each of these runs the exact test. Whatever does not fit a list is processed at once: with lists of no
 capacity, as on the CPU, the first step does everything.
 
-Every step passes on the arguments of the exact test: state, search (search.ContactSearch), contact and one more,
-``extra``, which is the stick memory or what untangles.
+Every step passes on what the exact test needs, as a ``context``: see ``search_context_type``.
 """
 
 import functools
@@ -129,28 +128,55 @@ def team_slot(count: wp.array(dtype=wp.int32), which: int, more: int) -> int:
 
 
 @functools.cache
+def search_context_type(precision: str, Search: Any, Extra: Any) -> type:
+    """The struct of what a search reads and writes; ``Search`` is search.ContactSearch."""
+
+    @wp.struct
+    class SearchContext:
+        """The cloth, what is searched, and where what is found is stored."""
+
+        state: cloth_types(precision).State
+        search: Search
+        contact: ContactData
+        extra: Extra  # StickMemory where pairs are listed, Untangling where crossings are separated
+        candidates: Candidates
+
+    return SearchContext
+
+
+@functools.cache
+def search_context_function(precision: str, Search: Any, Extra: Any) -> wp.Function:
+    """Function ``search_context``, by which kernels begin."""
+    State, SearchContext = cloth_types(precision).State, search_context_type(precision, Search, Extra)
+
+    @wp.func
+    def search_context(state: State, search: Search, contact: ContactData, extra: Extra, candidates: Candidates):
+        """A search's arguments in one."""
+        context = SearchContext()
+        context.state = state
+        context.search = search
+        context.contact = contact
+        context.extra = extra
+        context.candidates = candidates
+        return context
+
+    return search_context
+
+
+@functools.cache
 def walk_groups_function(find_leaves: wp.Function) -> wp.Function:
     """Function ``walk_groups``.
 
-    ``find_leaves`` searches a pair of groups: (state, search, contact, extra, candidates, query, group of leaves), a
-    whole team at once.
+    ``find_leaves`` searches a pair of groups: (context, query, group of leaves), a whole team at once.
     """
 
     @wp.func
-    def list_groups(
-        state: Any,
-        search: Any,
-        contact: ContactData,
-        extra: Any,
-        candidates: Candidates,
-        query: Query,
-        first: int,
-        mask: wp.uint32,
-    ):
+    def list_groups(context: Any, query: Query, first: int, mask: wp.uint32):
         """Lists the groups first + k, k the bits of a mask, or searches them where the list is full.
 
         Each of a team's threads has a first group and a mask of its own.
         """
+        candidates = context.candidates
         capacity = candidates.group.shape[0]
         count = bit_count(mask)
         base = team_slot(candidates.count, GROUP_COUNT, count)
@@ -165,20 +191,11 @@ def walk_groups_function(find_leaves: wp.Function) -> wp.Function:
                 others = wp.uint32(team_value(wp.int32(left), lane))
                 place = team_value(first, lane)
                 while others != wp.uint32(0):
-                    find_leaves(state, search, contact, extra, candidates, query, place + lowest_bit(others))
+                    find_leaves(context, query, place + lowest_bit(others))
                     others = others & (others - wp.uint32(1))
 
     @wp.func
-    def walk_groups(
-        state: Any,
-        search: Any,
-        contact: ContactData,
-        extra: Any,
-        candidates: Candidates,
-        tree: BoxTree,
-        start: BoxWalk,
-        query: Query,
-    ):
+    def walk_groups(context: Any, tree: BoxTree, start: BoxWalk, query: Query):
         """Lists the groups of leaves that a traversal visits for a query, or searches them where the list is full.
 
         A team lists the results of as many steps at once as it has threads: each time it waits for the list's counter.
@@ -194,7 +211,7 @@ def walk_groups_function(find_leaves: wp.Function) -> wp.Function:
             steps += 1
             walk = advance_walk(tree, walk)
             if walk.group < 0 or steps == warp_size():
-                list_groups(state, search, contact, extra, candidates, query, first, mask)
+                list_groups(context, query, first, mask)
                 mask = wp.uint32(0)
                 steps = 0
 
@@ -205,22 +222,14 @@ def walk_groups_function(find_leaves: wp.Function) -> wp.Function:
 def list_leaves_function(test: wp.Function) -> wp.Function:
     """Function ``list_leaves``.
 
-    ``test`` is the exact test of a pair of leaves: (state, search, contact, extra, querying, leaf), a thread for each;
-    ``querying`` and ``leaf`` as in Candidates.leaf.
+    ``test`` is the exact test of a pair of leaves: (context, querying, leaf), a thread for each; ``querying`` and
+    ``leaf`` as in Candidates.leaf.
     """
 
     @wp.func
-    def list_leaves(
-        state: Any,
-        search: Any,
-        contact: ContactData,
-        extra: Any,
-        candidates: Candidates,
-        querying: int,
-        group: int,
-        mask: wp.uint32,
-    ):
+    def list_leaves(context: Any, querying: int, group: int, mask: wp.uint32):
         """Lists the leaves of a group that a mask names, or tests them where the list is full."""
+        candidates = context.candidates
         number = team_number() & (LEAF_LISTS - 1)
         capacity = candidates.leaf.shape[0] // LEAF_LISTS
         slot = team_slot(candidates.count, (LEAF_COUNTS + number) * COUNTER_STRIDE, bit_count(mask))
@@ -231,7 +240,7 @@ def list_leaves_function(test: wp.Function) -> wp.Function:
             if slot < capacity:
                 candidates.leaf[number * capacity + slot] = wp.vec2i(querying, leaf)
             else:
-                test(state, search, contact, extra, querying, leaf)
+                test(context, querying, leaf)
             slot += 1
 
     return list_leaves
@@ -239,19 +248,20 @@ def list_leaves_function(test: wp.Function) -> wp.Function:
 
 @functools.cache
 def groups_kernel(precision: str, find_leaves: wp.Function, Search: Any, Extra: Any) -> wp.Kernel:
-    """Kernel ``process_groups``; ``find_leaves`` as in ``walk_groups_function``, and its arguments' types."""
-    State = cloth_types(precision).State
+    """Kernel ``process_groups``; ``find_leaves`` of ``walk_groups_function``, types of ``search_context_type``."""
+    State, search_context = cloth_types(precision).State, search_context_function(precision, Search, Extra)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LIST_LAUNCH)
     def process_groups(
         state: State, search: Search, contact: ContactData, extra: Extra, candidates: Candidates, threads: int
     ):
         """Lists the leaves that overlap in the listed pairs of groups, a team for each pair."""
+        context = search_context(state, search, contact, extra, candidates)
         row = wp.tid() // warp_size()
         count = wp.min(candidates.count[GROUP_COUNT], candidates.group.shape[0])
         while row < count:
             pair = candidates.group[row]
-            find_leaves(state, search, contact, extra, candidates, query_of(pair[0], pair[1]), pair[2])
+            find_leaves(context, query_of(pair[0], pair[1]), pair[2])
             row += threads // warp_size()
 
     return process_groups
@@ -259,14 +269,15 @@ def groups_kernel(precision: str, find_leaves: wp.Function, Search: Any, Extra: 
 
 @functools.cache
 def leaves_kernel(precision: str, test: wp.Function, Search: Any, Extra: Any) -> wp.Kernel:
-    """Kernel ``process_leaves``; ``test`` as in ``list_leaves_function``, and its arguments' types."""
-    State = cloth_types(precision).State
+    """Kernel ``process_leaves``; ``test`` of ``list_leaves_function``, types of ``search_context_type``."""
+    State, search_context = cloth_types(precision).State, search_context_function(precision, Search, Extra)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def process_leaves(
         state: State, search: Search, contact: ContactData, extra: Extra, candidates: Candidates, threads: int
     ):
         """Runs the exact test of the listed pairs of leaves. A team takes pairs of one list; all have as many teams."""
+        context = search_context(state, search, contact, extra, candidates)
         thread = wp.tid()
         number = (thread // WIDTH) & (LEAF_LISTS - 1)
         row = thread // (WIDTH * LEAF_LISTS) * WIDTH + (thread & (WIDTH - 1))
@@ -274,7 +285,7 @@ def leaves_kernel(precision: str, test: wp.Function, Search: Any, Extra: Any) ->
         count = wp.min(candidates.count[(LEAF_COUNTS + number) * COUNTER_STRIDE], capacity)
         while row < count:
             pair = candidates.leaf[number * capacity + row]
-            test(state, search, contact, extra, pair[0], pair[1])
+            test(context, pair[0], pair[1])
             row += threads // LEAF_LISTS
 
     return process_leaves

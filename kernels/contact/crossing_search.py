@@ -25,6 +25,7 @@ from warp_cloth.kernels.contact.broad_phase import (
     leaves_kernel,
     list_leaves_function,
     query_of,
+    search_context_function,
     walk_groups_function,
 )
 from warp_cloth.kernels.contact.closest_points import nearest_on_triangle
@@ -67,10 +68,9 @@ def is_tangled(search: ContactSearch, query: Query):
 
 
 @wp.func
-def test_crossing(
-    state: Any, search: ContactSearch, contact: ContactData, untangling: Untangling, querying: int, leaf: int
-):
+def test_crossing(context: Any, querying: int, leaf: int):
     """Separates an edge and a triangle (Candidates.leaf), or keeps the triangle if it is a vertex's nearest."""
+    state, search, untangling = context.state, context.search, context.extra
     triangle = search.triangle_tree.leaf[leaf]
     if querying >= 0:
         separate_crossing(state, search, untangling, search.edge_tree.leaf[querying], triangle)
@@ -90,27 +90,20 @@ list_leaves = list_leaves_function(test_crossing)
 
 
 @wp.func
-def find_crossing(
-    state: Any,
-    search: ContactSearch,
-    contact: ContactData,
-    untangling: Untangling,
-    candidates: Candidates,
-    query: Query,
-    group: int,
-):
+def find_crossing(context: Any, query: Query, group: int):
     """Lists the triangles that edges may pass through, or vertices (ON_TRIANGLE) be near, of a query and a group.
 
     Tangled edges search themselves (ON_EDGE): a query by triangles (BY_TRIANGLE) skips them.
     """
+    state, search = context.state, context.search
     triangles = wp.where(query.kind == BY_TRIANGLE, query.group, group)
     others = wp.where(query.kind == BY_TRIANGLE, group, query.group)
     if query.kind == BY_TRIANGLE:
         if is_tangled(search, query_of(ON_EDGE, others)):
             return
-    margin = float(untangling.layer_depth) + SLACK
+    margin = float(context.extra.layer_depth) + SLACK
     wide = wp.vec3f(margin, margin, margin)
-    less = least_box_margin(contact)
+    less = least_box_margin(context.contact)
     tree = search.triangle_tree
     local = team_lane()
     while local < WIDTH:
@@ -129,7 +122,7 @@ def find_crossing(
             may = wp.where(vertex >= 0, may_overlap(tree, triangles, low, high), 0)
             mask = leaf_overlaps(tree.bound, search.corners, triangles, low, high, vertex, vertex, may)
             querying = -1 - vertex
-        list_leaves(state, search, contact, untangling, candidates, querying, triangles, mask)
+        list_leaves(context, querying, triangles, mask)
         local += warp_size()
 
 
@@ -137,76 +130,53 @@ walk_groups = walk_groups_function(find_crossing)
 
 
 @wp.func
-def query_edges(
-    state: Any,
-    search: ContactSearch,
-    contact: ContactData,
-    untangling: Untangling,
-    candidates: Candidates,
-    group: int,
-    all: bool,
-):
+def query_edges(context: Any, group: int, all: bool):
     """Lists the groups of triangles that a group of edges may pass through, if any is tangled, or ``all``."""
-    query = query_of(ON_EDGE, group)
+    search, query = context.search, query_of(ON_EDGE, group)
     edge = search.edge_tree.leaf[WIDTH * group]
     if edge >= 0 and (all or is_tangled(search, query)):
-        less = least_box_margin(contact)
+        less = least_box_margin(context.contact)
         leaves = search.leaves[search.item[search.edges[edge][0]]]
         low, high = load_box(search.edge_tree, 1, group)
         walk = start_walk(search.triangle_tree, low + less, high - less, leaves[0], leaves[1])
-        walk_groups(state, search, contact, untangling, candidates, search.triangle_tree, walk, query)
+        walk_groups(context, search.triangle_tree, walk, query)
 
 
 @wp.func
-def query_triangles(
-    state: Any,
-    search: ContactSearch,
-    contact: ContactData,
-    untangling: Untangling,
-    candidates: Candidates,
-    group: int,
-    all: bool,
-):
+def query_triangles(context: Any, group: int, all: bool):
     """Lists the groups of edges that may pass through a group with tangled triangles, unless ``all`` search."""
-    query = query_of(BY_TRIANGLE, group)
+    search, query = context.search, query_of(BY_TRIANGLE, group)
     triangle = search.triangle_tree.leaf[WIDTH * group]
     if triangle >= 0 and not all and is_tangled(search, query):
-        less = least_box_margin(contact)
+        less = least_box_margin(context.contact)
         leaves = search.leaves[search.item[search.triangles[triangle][0]]]
         low, high = load_box(search.triangle_tree, 1, group)
         walk = start_walk(search.edge_tree, low + less, high - less, leaves[2], leaves[3])
-        walk_groups(state, search, contact, untangling, candidates, search.edge_tree, walk, query)
+        walk_groups(context, search.edge_tree, walk, query)
 
 
 @wp.func
-def query_vertices(
-    state: Any,
-    search: ContactSearch,
-    contact: ContactData,
-    untangling: Untangling,
-    candidates: Candidates,
-    group: int,
-    all: bool,
-):
+def query_vertices(context: Any, group: int, all: bool):
     """Lists the groups of other layers' triangles near a group of vertices, if any is tangled, or ``all``."""
-    query = query_of(ON_TRIANGLE, group)
+    search, query = context.search, query_of(ON_TRIANGLE, group)
     vertex = search.vertex[WIDTH * group]
     if vertex >= 0 and (all or is_tangled(search, query)):
-        margin = float(untangling.layer_depth) + SLACK
+        margin = float(context.extra.layer_depth) + SLACK
         wide = wp.vec3f(margin, margin, margin)
-        item, own = search.leaves[search.item[vertex]], untangling.own_leaves[vertex]
-        low, high = vertex_group_box(state, search, contact, group)
+        item, own = search.leaves[search.item[vertex]], context.extra.own_leaves[vertex]
+        low, high = vertex_group_box(context.state, search, context.contact, group)
         for side in range(2):  # before and after its own layer in the tree
             begin = wp.where(side == 0, item[0], own[1])
             end = wp.where(side == 0, own[0], item[1])
             walk = start_walk(search.triangle_tree, low - wide, high + wide, begin, end)
-            walk_groups(state, search, contact, untangling, candidates, search.triangle_tree, walk, query)
+            walk_groups(context, search.triangle_tree, walk, query)
 
 
 @functools.cache
 def crossing_groups_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_crossing_groups``."""
     State = cloth_types(precision).State
+    search_context = search_context_function(precision, ContactSearch, Untangling)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def find_crossing_groups(
@@ -220,13 +190,14 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
         triangle_groups = search.triangle_tree.leaf.shape[0] // WIDTH
         all = search.whole[0] > 0
+        context = search_context(state, search, contact, untangling, candidates)
         if group < edge_groups:
-            query_edges(state, search, contact, untangling, candidates, group, all)
+            query_edges(context, group, all)
         elif group < edge_groups + triangle_groups:
-            query_triangles(state, search, contact, untangling, candidates, group - edge_groups, all)
+            query_triangles(context, group - edge_groups, all)
         else:
             group -= edge_groups + triangle_groups
-            query_vertices(state, search, contact, untangling, candidates, group, all)
+            query_vertices(context, group, all)
 
     return find_crossing_groups
 

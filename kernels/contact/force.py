@@ -1,7 +1,6 @@
 """Contact force: squeeze, friction (stick and slip) and step limits of the pairs, summed for the next move."""
 
 import functools
-from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
@@ -11,12 +10,11 @@ from warp_cloth.kernels.base.block import BLOCK_THREADS, own_memory
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import (
-    FORCE_UNIT,
     LENGTH_UNIT,
     NEIGHBOURS,
     STEP_FRACTION,
-    STIFFNESS_UNIT,
     ContactData,
+    ContactFabric,
     due_path,
     pair_fabric,
     separation_function,
@@ -32,6 +30,7 @@ from warp_cloth.kernels.contact.narrow_phase_queue import (
     queue_stride,
     queued_pair,
 )
+from warp_cloth.kernels.contact.sums import add_functions, lower_step_limit
 from warp_cloth.kernels.laws.friction import friction_slide
 from warp_cloth.kernels.laws.squeeze import squeeze_energy, squeeze_force, squeeze_stiffness
 from warp_cloth.kernels.math.real import inner, quotient, root, scaled_sum
@@ -42,74 +41,6 @@ MOST_NEARNESS = wp.constant(1.0 / LEAST_DISTANCE)  # of 1/x there
 
 # Fibres bend over by this fraction of the thickness (stick) before one layer slides on the other (slip).
 STICK_FRACTION = wp.constant(0.2)
-
-
-# No result is used: with an atomic that returns the old value a GPU would wait for the memory.
-_ADD_UNITS = """
-    const wp::int64 units[4] = {x, y, z, extra};
-    wp::int64* const to = load.data + 4 * vertex;
-#pragma unroll
-    for (int k = 0; k < 4; ++k)
-#if defined(__CUDA_ARCH__)
-        asm volatile("red.relaxed.gpu.global.add.u64 [%0], %1;" :: "l"(to + k), "l"(units[k]) : "memory");
-#else
-        to[k] += units[k];
-#endif
-"""
-
-_LOWER_LIMIT = """
-#if defined(__CUDA_ARCH__)
-    asm volatile("red.relaxed.gpu.global.min.s32 [%0], %1;" :: "l"(limits.data + vertex), "r"(limit) : "memory");
-#else
-    if (limit < limits.data[vertex])
-        limits.data[vertex] = limit;
-#endif
-"""
-
-
-@wp.func_native(_ADD_UNITS)
-def add_load_units(
-    load: wp.array2d(dtype=wp.int64), vertex: int, x: wp.int64, y: wp.int64, z: wp.int64, extra: wp.int64
-):
-    """Adds integers to a vertex's load."""
-    wp.atomic_add(load, vertex, 0, x)
-
-
-@wp.func_native(_LOWER_LIMIT)
-def lower_step_limit(limits: wp.array(dtype=wp.int32), vertex: int, limit: int):
-    """Lowers a vertex's step limit to this one, where that is lower."""
-    wp.atomic_min(limits, vertex, limit)
-
-
-@functools.cache
-def add_functions(real: type) -> SimpleNamespace:
-    """Functions ``add_pair`` and ``add_couples``, which distribute forces of a precision to vertices' loads."""
-    vec3, vec4 = wp.types.vector(3, real), wp.types.vector(4, real)
-    by_force, by_stiffness = wp.constant(real(1.0 / float(FORCE_UNIT))), wp.constant(real(1.0 / float(STIFFNESS_UNIT)))
-
-    @wp.func
-    def add_vertex_load(load: wp.array2d(dtype=wp.int64), vertex: int, force: vec3, extra: real):
-        """Adds a force [N] and a fourth component to a vertex's load."""
-        units = force * by_force
-        add_load_units(
-            load, vertex, wp.int64(units[0]), wp.int64(units[1]), wp.int64(units[2]), wp.int64(extra * by_stiffness)
-        )
-
-    @wp.func
-    def add_pair(load: wp.array2d(dtype=wp.int64), corners: wp.vec4i, weights: vec4, force: vec3, extra: real):
-        """Adds w_i times the force on a pair's first [N], and |w_i| times a fourth component, w_i the weights."""
-        for corner in range(4):
-            add_vertex_load(load, corners[corner], weights[corner] * force, wp.abs(weights[corner]) * extra)
-
-    @wp.func
-    def add_couples(load: wp.array2d(dtype=wp.int64), corners: wp.vec4i, couple_0: vec3, couple_1: vec3, extra: real):
-        """Adds a couple, opposite forces on the ends [N], to each of two edges, and a fourth component to all ends."""
-        add_vertex_load(load, corners[0], couple_0, extra)
-        add_vertex_load(load, corners[1], -couple_0, extra)
-        add_vertex_load(load, corners[2], couple_1, extra)
-        add_vertex_load(load, corners[3], -couple_1, extra)
-
-    return SimpleNamespace(add_pair=add_pair, add_couples=add_couples)
 
 
 @wp.func
@@ -190,15 +121,65 @@ def stiffness_ahead(step: Any, approach: Any, by_thickness: Any, x: Any, modulus
 
 
 @functools.cache
+def pair_law_function(precision: str, accumulate: Accumulate) -> wp.Function:
+    """Function ``pair_law``; ``accumulate`` as in ``force_kernel``."""
+    types = cloth_types(precision)
+    real, vec3, Step = types.real, types.vec3, types.Step
+    by_stick = wp.constant(real(1.0 / STICK_FRACTION))
+
+    @wp.func
+    def pair_law(
+        step: Step,
+        fabric: ContactFabric,
+        square: wp.float64,
+        distance: real,
+        separation: vec3,
+        weight: real,
+        change: vec3,
+        stick: vec3,
+    ):
+        """Force on a pair's first [N], its fourth component, its stick displacement [m] and squeeze energy [J] then.
+
+        Args:
+            step: of the iteration.
+            fabric: where the two meet.
+            square: of the distance, in float64 [m2].
+            distance: between them, more than zero and less than the thickness [m].
+            separation: from the second to the first [m].
+            weight: of the normal force, 1 but for nearly parallel edges.
+            change: how far the first moved in the last iteration relative to the second [m].
+            stick: stick displacement before [m].
+        """
+        thickness, modulus = real(fabric.thickness), real(fabric.squeeze_modulus)
+        by_distance, by_thickness, x, y, inverse = nearness(square, distance, fabric.thickness)
+        normal = separation * by_distance
+        normal_force = weight * squeeze_force(y, inverse, thickness, modulus)
+        sticks = slipped(stick, change, normal, thickness, real(fabric.friction))
+        grip = normal_force * by_thickness * by_stick
+        force = normal * normal_force - sticks * grip
+        component = real(0.0)
+        if wp.static(accumulate is Accumulate.STIFFNESS):
+            approach = -inner(normal, change)
+            stiffness = weight * stiffness_ahead(step, approach, by_thickness, x, modulus)
+            force += normal * (real(step.viscosity) * stiffness * approach)
+            component = real(2.0) * (stiffness + grip)  # the weights' absolute values sum to two
+        if wp.static(accumulate is Accumulate.MAGNITUDE):
+            component = normal_force + grip * root(inner(sticks, sticks))
+        return force, component, sticks, squeeze_energy(y, inverse, thickness, modulus)
+
+    return pair_law
+
+
+@functools.cache
 def pair_force_function(precision: str, accumulate: Accumulate, sort: int, in_order: bool) -> wp.Function:
     """Function ``add_pair_force`` for pairs of a sort (ON_TRIANGLE, ON_EDGE); others as in ``force_kernel``."""
-    types = cloth_types(precision)
+    types, iterates = cloth_types(precision), accumulate is not Accumulate.MAGNITUDE
     State, Step, real, vec2, vec3 = types.State, types.Step, types.real, types.vec2, types.vec3
-    pair_separation = separation_function(precision, sort)
+    pair_separation, pair_law = separation_function(precision, sort), pair_law_function(precision, accumulate)
     add_parallel_couples = couple_function(precision, accumulate)
     displacement_at = order_functions(precision, packed=False, in_order=in_order).displacement_at
     edge_weight, add_pair = parallel_functions(real).weight, add_functions(real).add_pair
-    one, nothing, by_stick = wp.constant(real(1.0)), wp.constant(real(0.0)), wp.constant(real(1.0 / STICK_FRACTION))
+    one, nothing = wp.constant(real(1.0)), wp.constant(real(0.0))
 
     @wp.func
     def add_pair_force(step: Step, state: State, contact: ContactData, pair: int, place: int):
@@ -211,54 +192,40 @@ def pair_force_function(precision: str, accumulate: Accumulate, sort: int, in_or
         stick_4 = element(contact.pairs.stick, pair)
         stick = vec3(real(stick_4[0]), real(stick_4[1]), real(stick_4[2]))
         path = wp.int64(0)
-        if wp.static(accumulate is not Accumulate.MAGNITUDE):
+        if wp.static(iterates):
             path = block_pair_path(place, contact.bounds.path, element(contact.pairs.regions, pair))
         x_0, x_1 = position_of(state, corners[0]), position_of(state, corners[1])
         x_2, x_3 = position_of(state, corners[2]), position_of(state, corners[3])
         fabric = pair_fabric(contact, corners)
         move_0, move_1, move_2, move_3 = vec3(), vec3(), vec3(), vec3()
-        if wp.static(accumulate is not Accumulate.MAGNITUDE):
+        if wp.static(iterates):
             move_0, move_1 = displacement_at(state, corners[0]), displacement_at(state, corners[1])
             move_2, move_3 = displacement_at(state, corners[2]), displacement_at(state, corners[3])
         weights, separation, square, distance = pair_separation(x_0, x_1, x_2, x_3)
-        thickness, modulus = real(fabric.thickness), real(fabric.squeeze_modulus)
-        if wp.static(accumulate is not Accumulate.MAGNITUDE):
+        if wp.static(iterates):
             limit_pair_step(
                 contact, pair, wp.static(sort), corners, wp.float64(distance), wp.float64(fabric.thickness), path
             )
-        if kind >= NEIGHBOURS or distance >= thickness or distance <= nothing:
-            if wp.static(accumulate is not Accumulate.MAGNITUDE):
+        if kind >= NEIGHBOURS or distance >= real(fabric.thickness) or distance <= nothing:
+            if wp.static(iterates):
                 contact.pairs.stick[pair] = wp.vec4f()
             return
-        by_distance, by_thickness, x, y, inverse = nearness(square, distance, fabric.thickness)
-        normal = separation * by_distance
         along_0, along_1 = vec3(), vec3()
         weight = vec2(one, nothing)
         if wp.static(sort == 1):
             along_0, along_1 = vec3(x_1 - x_0), vec3(x_3 - x_2)
             weight = edge_weight(along_0, along_1)
-        normal_force = weight[0] * squeeze_force(y, inverse, thickness, modulus)
-        # how far the first's nearest point moved in the last iteration relative to the second's
         change = scaled_sum(move_1, weights[1], move_0 * weights[0])
         change = scaled_sum(move_3, weights[3], scaled_sum(move_2, weights[2], change))
-        stick = slipped(stick, change, normal, thickness, real(fabric.friction))
-        grip = normal_force * by_thickness * by_stick
-        force = normal * normal_force - stick * grip
-        component = nothing
-        if wp.static(accumulate is Accumulate.STIFFNESS):
-            approach = -inner(normal, change)
-            stiffness = weight[0] * stiffness_ahead(step, approach, by_thickness, x, modulus)
-            force += normal * (real(step.viscosity) * stiffness * approach)
-            component = real(2.0) * (stiffness + grip)  # the weights' absolute values sum to two
-        if wp.static(accumulate is Accumulate.MAGNITUDE):
-            component = normal_force + grip * root(inner(stick, stick))
-        if wp.static(accumulate is not Accumulate.MAGNITUDE):
-            put(contact.pairs.stick, pair, wp.vec4f(float(stick[0]), float(stick[1]), float(stick[2]), 0.0))
+        force, component, sticks, energy = pair_law(
+            step, fabric, square, distance, separation, weight[0], change, stick
+        )
+        if wp.static(iterates):
+            put(contact.pairs.stick, pair, wp.vec4f(float(sticks[0]), float(sticks[1]), float(sticks[2]), 0.0))
         add_pair(contact.sums.load, corners, weights, force, component)
         if wp.static(sort == 1):
             if weight[1] > nothing:  # nearly parallel edges are also rotated
-                slope = weight[1] * squeeze_energy(y, inverse, thickness, modulus)
-                add_parallel_couples(contact, corners, along_0, along_1, slope)
+                add_parallel_couples(contact, corners, along_0, along_1, weight[1] * energy)
 
     return add_pair_force
 
@@ -303,7 +270,7 @@ def block_forces_function(precision: str, accumulate: Accumulate, in_order: bool
     all = int(accumulate is Accumulate.MAGNITUDE)
 
     @wp.func
-    def add_block_forces(step: Step, state: State, contact: ContactData, thread: int, blocks: int):
+    def add_block_forces(step: Step, state: State, contact: ContactData, blocks: int):
         """Adds the forces of those due pairs that one of ``blocks`` blocks takes; the first also advances the bounds.
 
         A block queues them first: they are few and scattered, so that otherwise most threads would wait for others.
@@ -356,6 +323,6 @@ def force_kernel(precision: str, accumulate: Accumulate, in_order: bool = False)
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=BLOCK_THREADS)
     def add_contact_forces(state: State, step: Step, contact: ContactData, blocks: int):
         """Adds the forces of all pairs."""
-        add_block_forces(step, state, contact, wp.tid(), blocks)
+        add_block_forces(step, state, contact, blocks)
 
     return add_contact_forces

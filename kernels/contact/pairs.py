@@ -36,6 +36,7 @@ from warp_cloth.kernels.contact.broad_phase import (
     leaves_kernel,
     list_leaves_function,
     query_of,
+    search_context_function,
     walk_groups_function,
 )
 from warp_cloth.kernels.contact.search import ContactSearch, box_margin, vertex_group_box
@@ -112,10 +113,9 @@ def near_test_function(precision: str) -> wp.Function:
     triangle_separation, edge_separation = separation_function(precision, 0), separation_function(precision, 1)
 
     @wp.func
-    def test_triangle(
-        state: Any, search: ContactSearch, contact: ContactData, memory: StickMemory, vertex: int, t: wp.vec3i
-    ):
+    def test_triangle(context: Any, vertex: int, t: wp.vec3i):
         """Stores a vertex and a triangle if they are near each other."""
+        state, search, contact = context.state, context.search, context.contact
         x_0, x_1 = position_of(state, vertex), position_of(state, t[0])
         x_2, x_3 = position_of(state, t[1]), position_of(state, t[2])
         _weights, _separation, _square, length = triangle_separation(x_0, x_1, x_2, x_3)
@@ -123,13 +123,12 @@ def near_test_function(precision: str) -> wp.Function:
         distance = wp.float64(length)
         if distance < listing_distance(contact, corners, ON_TRIANGLE):
             neighbours = near_at_rest(search.near_start, search.near, vertex, t[0], t[1], t[2])
-            store_pair(contact, memory, corners, ON_TRIANGLE, neighbours, distance)
+            store_pair(contact, context.extra, corners, ON_TRIANGLE, neighbours, distance)
 
     @wp.func
-    def test_edges(
-        state: Any, search: ContactSearch, contact: ContactData, memory: StickMemory, e: wp.vec2i, o: wp.vec2i
-    ):
+    def test_edges(context: Any, e: wp.vec2i, o: wp.vec2i):
         """Stores two edges if they are near each other."""
+        state, search, contact = context.state, context.search, context.contact
         x_0, x_1 = position_of(state, e[0]), position_of(state, e[1])
         x_2, x_3 = position_of(state, o[0]), position_of(state, o[1])
         _weights, _separation, _square, length = edge_separation(x_0, x_1, x_2, x_3)
@@ -138,21 +137,20 @@ def near_test_function(precision: str) -> wp.Function:
         if distance < listing_distance(contact, corners, ON_EDGE):
             neighbours = near_at_rest(search.near_start, search.near, e[0], o[0], o[1], o[1])
             neighbours = neighbours or near_at_rest(search.near_start, search.near, e[1], o[0], o[1], o[1])
-            store_pair(contact, memory, corners, ON_EDGE, neighbours, distance)
+            store_pair(contact, context.extra, corners, ON_EDGE, neighbours, distance)
 
     @wp.func
-    def test_near(
-        state: Any, search: ContactSearch, contact: ContactData, memory: StickMemory, querying: int, leaf: int
-    ):
+    def test_near(context: Any, querying: int, leaf: int):
         """Stores two leaves (Candidates.leaf) if they are near each other."""
+        search = context.search
         if querying < 0:
-            test_triangle(state, search, contact, memory, -1 - querying, search.corners[leaf])
+            test_triangle(context, -1 - querying, search.corners[leaf])
         else:
             # the lower edge comes first, wherever they are in the tree
             edge, other = search.edge_tree.leaf[querying], search.edge_tree.leaf[leaf]
             one, two = search.ends[querying], search.ends[leaf]
             e, o = wp.where(edge < other, one, two), wp.where(edge < other, two, one)
-            test_edges(state, search, contact, memory, e, o)
+            test_edges(context, e, o)
 
     return test_near
 
@@ -163,16 +161,9 @@ def near_leaves_function(precision: str) -> wp.Function:
     list_leaves = list_leaves_function(near_test_function(precision))
 
     @wp.func
-    def find_near(
-        state: Any,
-        search: ContactSearch,
-        contact: ContactData,
-        memory: StickMemory,
-        candidates: Candidates,
-        query: Query,
-        group: int,
-    ):
+    def find_near(context: Any, query: Query, group: int):
         """Lists the leaves of a group that may be near a query's vertices (ON_TRIANGLE) or edges (ON_EDGE)."""
+        state, search, contact = context.state, context.search, context.contact
         local = team_lane()
         while local < WIDTH:
             mask = wp.uint32(0)
@@ -193,7 +184,7 @@ def near_leaves_function(precision: str) -> wp.Function:
                 bound = search.triangle_tree.bound
                 mask = leaf_overlaps(bound, search.corners, group, low, high, vertex, vertex, may)
                 querying = -1 - vertex
-            list_leaves(state, search, contact, memory, candidates, querying, group, mask)
+            list_leaves(context, querying, group, mask)
             local += warp_size()
 
     return find_near
@@ -203,12 +194,14 @@ def near_leaves_function(precision: str) -> wp.Function:
 def near_groups_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_near_groups``."""
     State, walk_groups = cloth_types(precision).State, walk_groups_function(near_leaves_function(precision))
+    search_context = search_context_function(precision, ContactSearch, StickMemory)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def find_near_groups(
         state: State, search: ContactSearch, contact: ContactData, memory: StickMemory, candidates: Candidates
     ):
         """Lists the groups of leaves that may be near each group of edges, and of vertices: a team for each."""
+        context = search_context(state, search, contact, memory, candidates)
         group = wp.tid() // warp_size()
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
         if group < edge_groups:
@@ -218,7 +211,7 @@ def near_groups_kernel(precision: str) -> wp.Kernel:
                 low, high = load_box(search.edge_tree, 1, group)
                 walk = start_walk(search.edge_tree, low, high, WIDTH * group, last)
                 query = query_of(ON_EDGE, group)
-                walk_groups(state, search, contact, memory, candidates, search.edge_tree, walk, query)
+                walk_groups(context, search.edge_tree, walk, query)
         else:
             group -= edge_groups
             vertex = search.vertex[WIDTH * group]
@@ -227,7 +220,7 @@ def near_groups_kernel(precision: str) -> wp.Kernel:
                 low, high = vertex_group_box(state, search, contact, group)
                 walk = start_walk(search.triangle_tree, low, high, leaves[0], leaves[1])
                 query = query_of(ON_TRIANGLE, group)
-                walk_groups(state, search, contact, memory, candidates, search.triangle_tree, walk, query)
+                walk_groups(context, search.triangle_tree, walk, query)
 
     return find_near_groups
 

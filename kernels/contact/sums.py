@@ -1,6 +1,7 @@
-"""Contact sums: what pairs add up to at each vertex, as integers; they are read and reset."""
+"""Contact sums: what pairs add at each vertex, as integers, and what a move takes of these and resets."""
 
 import functools
+from types import SimpleNamespace
 
 import warp as wp
 
@@ -14,6 +15,74 @@ from warp_cloth.kernels.contact.arrays import (
     ContactData,
     VertexContact,
 )
+
+# No result is used: with an atomic that returns the old value a GPU would wait for the memory.
+_ADD_UNITS = """
+    const wp::int64 units[4] = {x, y, z, extra};
+    wp::int64* const to = load.data + 4 * vertex;
+#pragma unroll
+    for (int k = 0; k < 4; ++k)
+#if defined(__CUDA_ARCH__)
+        asm volatile("red.relaxed.gpu.global.add.u64 [%0], %1;" :: "l"(to + k), "l"(units[k]) : "memory");
+#else
+        to[k] += units[k];
+#endif
+"""
+
+_LOWER_LIMIT = """
+#if defined(__CUDA_ARCH__)
+    asm volatile("red.relaxed.gpu.global.min.s32 [%0], %1;" :: "l"(limits.data + vertex), "r"(limit) : "memory");
+#else
+    if (limit < limits.data[vertex])
+        limits.data[vertex] = limit;
+#endif
+"""
+
+
+@wp.func_native(_ADD_UNITS)
+def add_load_units(
+    load: wp.array2d(dtype=wp.int64), vertex: int, x: wp.int64, y: wp.int64, z: wp.int64, extra: wp.int64
+):
+    """Adds integers to a vertex's load."""
+    wp.atomic_add(load, vertex, 0, x)
+
+
+@wp.func_native(_LOWER_LIMIT)
+def lower_step_limit(limits: wp.array(dtype=wp.int32), vertex: int, limit: int):
+    """Lowers a vertex's step limit to this one, where that is lower."""
+    wp.atomic_min(limits, vertex, limit)
+
+
+@functools.cache
+def add_functions(real: type) -> SimpleNamespace:
+    """Functions ``add_pair`` and ``add_couples``, which distribute forces of a precision to vertices' loads."""
+    vec3, vec4 = wp.types.vector(3, real), wp.types.vector(4, real)
+    by_force, by_stiffness = wp.constant(real(1.0 / float(FORCE_UNIT))), wp.constant(real(1.0 / float(STIFFNESS_UNIT)))
+
+    @wp.func
+    def add_vertex_load(load: wp.array2d(dtype=wp.int64), vertex: int, force: vec3, extra: real):
+        """Adds a force [N] and a fourth component to a vertex's load."""
+        units = force * by_force
+        add_load_units(
+            load, vertex, wp.int64(units[0]), wp.int64(units[1]), wp.int64(units[2]), wp.int64(extra * by_stiffness)
+        )
+
+    @wp.func
+    def add_pair(load: wp.array2d(dtype=wp.int64), corners: wp.vec4i, weights: vec4, force: vec3, extra: real):
+        """Adds w_i times the force on a pair's first [N], and |w_i| times a fourth component, w_i the weights."""
+        for corner in range(4):
+            add_vertex_load(load, corners[corner], weights[corner] * force, wp.abs(weights[corner]) * extra)
+
+    @wp.func
+    def add_couples(load: wp.array2d(dtype=wp.int64), corners: wp.vec4i, couple_0: vec3, couple_1: vec3, extra: real):
+        """Adds a couple, opposite forces on the ends [N], to each of two edges, and a fourth component to all ends."""
+        add_vertex_load(load, corners[0], couple_0, extra)
+        add_vertex_load(load, corners[1], -couple_0, extra)
+        add_vertex_load(load, corners[2], couple_1, extra)
+        add_vertex_load(load, corners[3], -couple_1, extra)
+
+    return SimpleNamespace(add_pair=add_pair, add_couples=add_couples)
+
 
 _ROW = """
     const wp::vec_t<2, wp::int64>* row = reinterpret_cast<const wp::vec_t<2, wp::int64>*>(

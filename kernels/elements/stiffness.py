@@ -11,11 +11,12 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.base.options import SlopeField
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
 from warp_cloth.kernels.laws.bending import THINNEST
 from warp_cloth.kernels.laws.hinge import hinge_normals, rotated_back
 from warp_cloth.kernels.laws.tension import spring_constants, tension_force, tension_stiffness
-from warp_cloth.kernels.laws.yarn import DIAGONAL, warp_vector, weft_vector, yarn_constants, yarn_of
+from warp_cloth.kernels.laws.yarn import DIAGONAL, warp_vector, weft_vector, yarn_of, yarn_stiffness
 from warp_cloth.kernels.math.symmetric import full_matrix, matrix_type, multiple_of_unit, outer
 
 
@@ -117,15 +118,15 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
         last = state.displacement[corners[0]]
         change_1, change_2 = state.displacement[corners[1]] - last, state.displacement[corners[2]] - last
         weft_change, warp_change = weft_vector(slope, change_1, change_2), warp_vector(slope, change_1, change_2)
-        weft_pull, warp_pull, shear_pull, compression = yarn_constants(weave.yarns[triangle])
+        pull, push = yarn_stiffness(weave.yarns[triangle])
         first = vec6()
         second = vec6()
         third = vec6()
         for yarn in range(4):
             t, change = yarn_of(yarn, weft, warp, diagonal), yarn_of(yarn, weft_change, warp_change, diagonal)
-            b1, b2 = yarn_of(yarn, slope[0], slope[2], diagonal), yarn_of(yarn, slope[1], slope[3], diagonal)
-            pull = wp.where(yarn == 0, weft_pull, wp.where(yarn == 1, warp_pull, shear_pull))
-            stiff = spring_stiffness(t, change, real(1.0), pull, pull * compression, allowance)
+            b1 = yarn_of(yarn, slope[SlopeField.WEFT_1], slope[SlopeField.WARP_1], diagonal)
+            b2 = yarn_of(yarn, slope[SlopeField.WEFT_2], slope[SlopeField.WARP_2], diagonal)
+            stiff = spring_stiffness(t, change, real(1.0), pull[yarn], push[yarn], allowance)
             b0 = -(b1 + b2)
             first -= stiff * (b0 * b1)
             second -= stiff * (b1 * b2)

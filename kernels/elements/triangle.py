@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.options import Accumulate, Terms
+from warp_cloth.kernels.base.options import Accumulate, SlopeField, Terms, Yarn
 from warp_cloth.kernels.base.types import cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.laws.bending import unit_normal
 from warp_cloth.kernels.laws.yarn import (
@@ -215,12 +215,12 @@ def _yarn_amounts_function(precision: str, accumulate: Accumulate, lanes: int) -
     def corner_amounts(slope: vec4, figure: vec4):
         """What the corners accumulate, from the figures of the weft, warp and both bias yarns."""
         first, second = yarn_slopes(slope)
-        weft, warp = component(figure, 0) * straight, component(figure, 1) * straight
-        plus, minus = component(figure, 2) * bias, component(figure, 3) * bias
-        amounts = corner_fractions(component(first, 0), component(second, 0)) * weft
-        amounts = scaled_sum(corner_fractions(component(first, 1), component(second, 1)), warp, amounts)
-        amounts = scaled_sum(corner_fractions(component(first, 2), component(second, 2)), plus, amounts)
-        return scaled_sum(corner_fractions(component(first, 3), component(second, 3)), minus, amounts)
+        weft, warp = component(figure, Yarn.WEFT) * straight, component(figure, Yarn.WARP) * straight
+        plus, minus = component(figure, Yarn.PLUS) * bias, component(figure, Yarn.MINUS) * bias
+        amounts = corner_fractions(component(first, Yarn.WEFT), component(second, Yarn.WEFT)) * weft
+        amounts = scaled_sum(corner_fractions(component(first, Yarn.WARP), component(second, Yarn.WARP)), warp, amounts)
+        amounts = scaled_sum(corner_fractions(component(first, Yarn.PLUS), component(second, Yarn.PLUS)), plus, amounts)
+        return scaled_sum(corner_fractions(component(first, Yarn.MINUS), component(second, Yarn.MINUS)), minus, amounts)
 
     return corner_amounts
 
@@ -233,8 +233,8 @@ def _excess_function(precision: str) -> wp.Function:
     @wp.func
     def exact_excess(sides: Sides, slope: vec4):
         """|t|^2 - 1 of the four yarns, in the positions' own precision."""
-        weft = sides.exact_1 * wide(slope[0]) + sides.exact_2 * wide(slope[1])
-        warp = sides.exact_1 * wide(slope[2]) + sides.exact_2 * wide(slope[3])
+        weft = sides.exact_1 * wide(slope[SlopeField.WEFT_1]) + sides.exact_2 * wide(slope[SlopeField.WEFT_2])
+        warp = sides.exact_1 * wide(slope[SlopeField.WARP_1]) + sides.exact_2 * wide(slope[SlopeField.WARP_2])
         weft_2, warp_2, both = inner(weft, weft) - one, inner(warp, warp) - one, inner(weft, warp)
         mean = half * (weft_2 + warp_2)
         return vec4(real(weft_2), real(warp_2), real(mean + both), real(mean - both))
@@ -294,8 +294,10 @@ def yarn_function(precision: str, accumulate: Accumulate, lanes: int = 1) -> wp.
         own_weft, own_warp, across = weft_and_warp(tension)
         on_weft = scaled_sum(warp, across, scaled_sum(weft, own_weft, on_weft))
         on_warp = scaled_sum(weft, across, scaled_sum(warp, own_warp, on_warp))
-        force_1 = negative(scaled_sum(on_weft, component(slope, 0), on_warp * component(slope, 2)))
-        force_2 = negative(scaled_sum(on_weft, component(slope, 1), on_warp * component(slope, 3)))
+        weft_1, warp_1 = component(slope, SlopeField.WEFT_1), component(slope, SlopeField.WARP_1)
+        weft_2, warp_2 = component(slope, SlopeField.WEFT_2), component(slope, SlopeField.WARP_2)
+        force_1 = negative(scaled_sum(on_weft, weft_1, on_warp * warp_1))
+        force_2 = negative(scaled_sum(on_weft, weft_2, on_warp * warp_2))
         return negative(force_1 + force_2), force_1, force_2, amounts
 
     return yarn_loads

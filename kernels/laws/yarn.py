@@ -17,7 +17,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.options import YarnField
+from warp_cloth.kernels.base.options import SlopeField, Yarn, YarnField
 from warp_cloth.kernels.laws.tension import tension_stiffness
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * below call for packets
 from warp_cloth.kernels.math.packet import absolute, component, maximum, minimum, vector4
@@ -29,16 +29,13 @@ DIAGONAL = wp.constant(0.5**0.5)  # of weft and warp in a bias
 
 
 @wp.func
-def yarn_constants(yarns: Any):
-    """Area times stiffness K A [J] of the weft, the warp and each bias (``shear``), and the compression factor c."""
-    weft, warp = component(yarns, YarnField.WEFT), component(yarns, YarnField.WARP)
-    return weft, warp, component(yarns, YarnField.SHEAR), component(yarns, YarnField.COMPRESSION)
-
-
-@wp.func
 def yarn_stiffness(yarns: Any):
-    """K A of the four yarns where they are stretched (pull) and where they are shortened (push = c pull) [J]."""
-    weft, warp, shear, compression = yarn_constants(yarns)
+    """K A of the four yarns where they are stretched (pull) and where they are shortened (push = c pull) [J].
+
+    The one place that takes a triangle's ``yarns`` apart. Either bias yarn has the stiffness ``shear``.
+    """
+    weft, warp = component(yarns, YarnField.WEFT), component(yarns, YarnField.WARP)
+    shear, compression = component(yarns, YarnField.SHEAR), component(yarns, YarnField.COMPRESSION)
     pull = vector4(weft, warp, shear, shear)
     return pull, pull * vector4(compression, compression, compression, compression)
 
@@ -46,13 +43,13 @@ def yarn_stiffness(yarns: Any):
 @wp.func
 def weft_vector(slope: Any, side_1: Any, side_2: Any):
     """What a unit of cloth along the weft has become; sides are those from the triangle's first corner."""
-    return scaled_sum(side_2, component(slope, 1), side_1 * component(slope, 0))
+    return scaled_sum(side_2, component(slope, SlopeField.WEFT_2), side_1 * component(slope, SlopeField.WEFT_1))
 
 
 @wp.func
 def warp_vector(slope: Any, side_1: Any, side_2: Any):
     """What a unit of cloth along the warp has become."""
-    return scaled_sum(side_2, component(slope, 3), side_1 * component(slope, 2))
+    return scaled_sum(side_2, component(slope, SlopeField.WARP_2), side_1 * component(slope, SlopeField.WARP_1))
 
 
 @wp.func
@@ -65,18 +62,18 @@ def bias_vectors(weft: Any, warp: Any):
 @wp.func
 def yarn_of(yarn: int, weft: Any, warp: Any, diagonal: Any):
     """The figure of one of the four yarns, from those of weft and warp; ``diagonal`` is DIAGONAL. Of one triangle."""
-    if yarn == 0:
+    if yarn == Yarn.WEFT:
         return weft
-    if yarn == 1:
+    if yarn == Yarn.WARP:
         return warp
-    return weft * diagonal + warp * wp.where(yarn == 2, diagonal, -diagonal)
+    return weft * diagonal + warp * wp.where(yarn == Yarn.PLUS, diagonal, -diagonal)
 
 
 @wp.func
 def yarn_slopes(slope: Any):
     """Slopes of the second and of the third corner along the four yarns, the biases' times sqrt 2."""
-    weft_1, weft_2 = component(slope, 0), component(slope, 1)
-    warp_1, warp_2 = component(slope, 2), component(slope, 3)
+    weft_1, weft_2 = component(slope, SlopeField.WEFT_1), component(slope, SlopeField.WEFT_2)
+    warp_1, warp_2 = component(slope, SlopeField.WARP_1), component(slope, SlopeField.WARP_2)
     first = vector4(weft_1, warp_1, weft_1 + warp_1, weft_1 - warp_1)
     return first, vector4(weft_2, warp_2, weft_2 + warp_2, weft_2 - warp_2)
 
@@ -114,10 +111,10 @@ def yarn_products(weft: Any, warp: Any, weft_change: Any, warp_change: Any):
 @wp.func
 def weft_and_warp(figure: Any):
     """What the four yarns' figures are along weft, along warp and from each to the other: sums of f t t^T."""
-    plus, minus = component(figure, 2), component(figure, 3)
+    plus, minus = component(figure, Yarn.PLUS), component(figure, Yarn.MINUS)
     half = type(plus)(0.5)
     mean, across = (plus + minus) * half, (plus - minus) * half
-    return component(figure, 0) + mean, component(figure, 1) + mean, across
+    return component(figure, Yarn.WEFT) + mean, component(figure, Yarn.WARP) + mean, across
 
 
 @wp.func

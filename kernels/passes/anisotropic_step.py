@@ -16,7 +16,7 @@ import warp as wp
 
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.active_set import active_element
-from warp_cloth.kernels.base.options import Accumulate, Terms
+from warp_cloth.kernels.base.options import Accumulate, Terms, Yarn
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, rests
 from warp_cloth.kernels.elements.edge import edge_functions
 from warp_cloth.kernels.laws.tension import spring_constants, tension_force, tension_stiffness, transverse_fraction
@@ -83,7 +83,8 @@ def borne(slope: Any, corner: int):
         fraction = fraction_0
     if corner == 1:
         fraction = fraction_1
-    half, quarter = type(component(slope, 0))(0.5), type(component(slope, 0))(0.25)
+    one = component(fraction, Yarn.WEFT)
+    half, quarter = type(one)(0.5), type(one)(0.25)
     return fraction * vector4(half, half, quarter, quarter)
 
 
@@ -107,7 +108,8 @@ def folds_bound(bound_0: Any, bound_1: Any, bound_2: Any, corner: int):
 @wp.func
 def four_sum(figure: Any):
     """Sum of the four yarns' figures."""
-    return component(figure, 0) + component(figure, 1) + component(figure, 2) + component(figure, 3)
+    straight = component(figure, Yarn.WEFT) + component(figure, Yarn.WARP)
+    return straight + component(figure, Yarn.PLUS) + component(figure, Yarn.MINUS)
 
 
 @wp.func

@@ -1,9 +1,9 @@
-"""Forces patch by patch: a thread block works out all that meets at the vertices that it owns.
+"""Forces patch by patch: a thread block computes in shared memory all that meets at the vertices that it owns.
 
-For CUDA. A block reads the vertices of its patch and those around into its own memory, works out there, one after
-another, normals, edges and triangles, and sums what meets at each of its vertices in the order of the edges, then of
-the triangles. That is the order of ``scatter``, and what borders on two patches is worked out in both from the same
-numbers: so every way of cutting patches, and every device, gives the same bits. No atomics, one launch.
+For CUDA. A block loads the vertices of its patch and those around into its shared memory, computes there normals, edges
+and triangles, one after another, and sums what meets at each of its vertices in the order of the edges, then of the
+triangles. That is the order of ``scatter``, and what borders on two patches is computed in both from the same numbers:
+so every way of cutting patches, and every device, gives the same bits. No atomics, one launch.
 """
 
 import functools
@@ -17,7 +17,6 @@ from warp_cloth.kernels.base.block import (
     block_threads,
     fetches,
     lane_of,
-    memory_functions,
     wait_for_block,
 )
 from warp_cloth.kernels.base.options import RANKS, SLOTS, KernelOptions
@@ -26,12 +25,13 @@ from warp_cloth.kernels.math.real import signed_sum
 from warp_cloth.kernels.patches.corners import triangle_table_function, triangles_step
 from warp_cloth.kernels.patches.memory import (
     NEXT_WARP,
+    access_functions,
     context_function,
     context_type,
     fetch_function,
-    leaves,
     next_functions,
     patch_of,
+    skips_patch,
     stride_function,
     words_of,
 )
@@ -71,7 +71,7 @@ def ranked(word: wp.vec4i, rank: int) -> int:
 def ranks_sum(options: KernelOptions, kind: str, first: int, last: int) -> wp.Function:
     """Function that adds what meets at a vertex to its load: the ranks from ``first`` to before ``last`` of a word."""
     types, Context = cloth_types(options.precision), context_type(options.precision)
-    read_4 = memory_functions(options.precision, options.fits).read_4
+    row_at = access_functions(options.precision, options.fits).row_at
 
     @wp.func
     def edges_sum(context: Context, word: wp.vec4i, load: types.vec4):
@@ -79,7 +79,7 @@ def ranks_sum(options: KernelOptions, kind: str, first: int, last: int) -> wp.Fu
         sum = load
         for rank in range(wp.static(first), wp.static(last)):
             entry = ranked(word, rank)
-            pull = read_4(context.overflow, context.memory.edge_load + wp.static(4 * types.real_size) * (entry >> 1))
+            pull = row_at(context, context.memory.edge_load, entry >> 1)
             sum = signed_sum(sum, pull, entry & 1)  # from the edge's first end, or its second
         return sum
 
@@ -88,9 +88,7 @@ def ranks_sum(options: KernelOptions, kind: str, first: int, last: int) -> wp.Fu
         """A load and those of triangles' corners."""
         sum = load
         for rank in range(wp.static(first), wp.static(last)):
-            sum += read_4(
-                context.overflow, context.memory.corner_load + wp.static(4 * types.real_size) * ranked(word, rank)
-            )
+            sum += row_at(context, context.memory.corner_load, ranked(word, rank))
         return sum
 
     return edges_sum if kind == EDGES else triangles_sum
@@ -191,103 +189,126 @@ def work_type(precision: str) -> type:
 
 
 @functools.cache
-def work_edges_function(options: KernelOptions) -> wp.Function:
-    """The function ``work_edges``: the first half of a block's work on a patch."""
-    precision, terms, fits, paired = options.precision, options.terms, options.fits, options.paired
-    State = cloth_types(precision).State
-    PatchWork, Tile, Context = work_type(precision), tile_type(precision), context_type(precision)
-    vec4, fetch_tables = cloth_types(precision).vec4, fetch_function(options)
-    read_vertices = vertices_step(options).read_vertices
-    load_tile, work_tile_normals = tile_functions(precision, fits).load_tile, tile_normals_step(options)
-    pairs = tile_edges_step(options)
-    load_constants, work_tile_edges = pairs.load_constants, pairs.work_tile_edges
-    work_normals, work_other_edges = normals_step(options), edges_step(options)
+def compute_edges_function(options: KernelOptions) -> wp.Function:
+    """The function ``compute_edges``: the first half of a block's work on a patch.
+
+    (context, state, first, second, upcoming) -> PatchWork. Vertices, normals and edges of a patch, in the block's
+    memory; every thread of the block calls it. ``first`` and ``second`` are of ``two_vertices``, ``upcoming`` is of
+    ``next_patch`` where that is prefetched. What a step begins with is loaded a step ahead.
+    """
+    return _compute_tiles_function(options) if options.paired else _compute_singles_function(options)
+
+
+def _compute_singles_function(options: KernelOptions) -> wp.Function:
+    precision, terms = options.precision, options.terms
+    types, PatchWork, Context = cloth_types(precision), work_type(precision), context_type(precision)
+    fetch_tables, read_vertices = fetch_function(options), vertices_step(options).read_vertices
+    compute_normals, compute_edges = normals_step(options), edges_step(options)
     edge_table, triangle_table = edge_table_functions(options).edge_table, triangle_table_function(precision, terms)
-    vertex_slots, fetch_next = load_functions(options).vertex_slots, next_functions(precision).fetch_next
+    vertex_slots = load_functions(options).vertex_slots
 
     @wp.func
-    def first_triangle(patch: Patch, lane: int):
-        """The thread's first triangle of those whose normals no tile has."""
-        if wp.static(paired):
-            return patch.triangle_count + last_first(lane)
-        return lane
-
-    @wp.func
-    def work_edges(context: Context, state: State, first: int, second: int, soon: Patch):
-        """Vertices, normals and edges of a patch, in the block's memory; every thread of the block calls it.
-
-        ``first`` and ``second`` are of ``two_vertices``, ``soon`` of ``next_patch`` where that is prefetched. What a
-        step begins with is loaded a step ahead.
-        """
-        fetch_tables(context.patches, context.patch)
-        asked, tile = Tile(), Tile()
-        corner_word = wp.uint64(0)
-        end_word, constants = wp.uint64(0), vec4()
+    def compute_singles(context: Context, state: types.State, first: int, second: int, upcoming: Patch):
+        """``compute_edges`` where a thread works on one edge, then one triangle, after another."""
+        patches, patch = context.patches, context.patch
+        fetch_tables(patches, patch)
+        corner_word, end_word, constants = wp.uint64(0), wp.uint64(0), types.vec4()
+        triangle = patch.triangle_start + wp.min(context.lane, patch.normal_count)
         if wp.static(terms.folds):
-            other = wp.min(first_triangle(context.patch, context.lane), context.patch.normal_count)
-            corner_word = element(context.patches.corners, context.patch.triangle_start + other)
-        if wp.static(paired):
-            asked = load_tile(context.patches, context.patch, context.lane)
+            corner_word = element(patches.corners, triangle)
         read_vertices(context, state, first, second)
-        if wp.static((terms.folds or terms.edges) and not paired):
-            end_word, constants = edge_table(context.patches, context.patch, context.lane)
-        if wp.static(options.packed and paired):
-            if fetches(NEXT_WARP):
-                fetch_next(context.patches, state, soon)
+        if wp.static(terms.folds or terms.edges):
+            end_word, constants = edge_table(patches, patch, context.lane)
         wait_for_block()
-        if wp.static(paired):
-            tile = work_tile_normals(context, asked)
         if wp.static(terms.folds):
-            work_normals(context, corner_word)
-        if wp.static(paired and fits):
-            tile = load_constants(context.patches, context.patch, tile)
-        sides, corners = wp.uint64(0), wp.uint64(0)
-        if wp.static(not paired):
-            triangle = context.patch.triangle_start + wp.min(context.lane, context.patch.normal_count)
-            sides, corners = triangle_table(context.patches, triangle)
+            compute_normals(context, corner_word)
+        sides, corners = triangle_table(patches, triangle)
         if wp.static(terms.folds):
             wait_for_block()
-        if wp.static(paired):
-            tile = work_tile_edges(context, tile)
-            edge = wp.static(SLOTS) * context.patch.tile_count + last_first(context.lane)
-            end_word, constants = edge_table(context.patches, context.patch, edge)
         if wp.static(terms.folds or terms.edges):
-            work_other_edges(context, end_word, constants)
+            compute_edges(context, end_word, constants)
+        edges, triangles = vertex_slots(patches, patch, context.lane)
         work = PatchWork()
-        work.tile = tile
         work.sides = sides
         work.corners = corners
-        edges, triangles = vertex_slots(context.patches, context.patch, context.lane)
         work.edges = edges
         work.triangles = triangles
         return work
 
-    return work_edges
+    return compute_singles
+
+
+def _compute_tiles_function(options: KernelOptions) -> wp.Function:
+    precision, terms, fits = options.precision, options.terms, options.fits
+    types, PatchWork, Context = cloth_types(precision), work_type(precision), context_type(precision)
+    fetch_tables, read_vertices = fetch_function(options), vertices_step(options).read_vertices
+    load_tile, compute_tile_normals = tile_functions(precision, fits).load_tile, tile_normals_step(options)
+    tiles = tile_edges_step(options)
+    load_constants, compute_tile_edges = tiles.load_constants, tiles.compute_tile_edges
+    compute_normals, compute_edges = normals_step(options), edges_step(options)
+    edge_table, vertex_slots = edge_table_functions(options).edge_table, load_functions(options).vertex_slots
+    fetch_next = next_functions(precision).fetch_next
+
+    @wp.func
+    def compute_tiles(context: Context, state: types.State, first: int, second: int, upcoming: Patch):
+        """``compute_edges`` where a thread works on a tile; the last threads on edges and normals that no tile has."""
+        patches, patch = context.patches, context.patch
+        fetch_tables(patches, patch)
+        corner_word = wp.uint64(0)
+        if wp.static(terms.folds):
+            triangle = wp.min(patch.triangle_count + last_first(context.lane), patch.normal_count)
+            corner_word = element(patches.corners, patch.triangle_start + triangle)
+        loaded = load_tile(patches, patch, context.lane)
+        read_vertices(context, state, first, second)
+        if wp.static(options.packed):
+            if fetches(NEXT_WARP):
+                fetch_next(patches, state, upcoming)
+        wait_for_block()
+        tile = compute_tile_normals(context, loaded)
+        if wp.static(terms.folds):
+            compute_normals(context, corner_word)
+        if wp.static(fits):
+            tile = load_constants(patches, patch, tile)
+        if wp.static(terms.folds):
+            wait_for_block()
+        tile = compute_tile_edges(context, tile)
+        if wp.static(terms.folds or terms.edges):
+            edge = wp.static(SLOTS) * patch.tile_count + last_first(context.lane)
+            end_word, constants = edge_table(patches, patch, edge)
+            compute_edges(context, end_word, constants)
+        edges, triangles = vertex_slots(patches, patch, context.lane)
+        work = PatchWork()
+        work.tile = tile
+        work.edges = edges
+        work.triangles = triangles
+        return work
+
+    return compute_tiles
 
 
 @functools.cache
 def patch_functions(options: KernelOptions) -> SimpleNamespace:
-    """Functions ``own_vertex``, ``two_vertices``, ``work_edges``, ``work_corners``, ``vertex_slots``, ``vertex_load``.
+    """Functions ``own_vertex``, ``two_vertices``, ``compute_edges``, ``compute_corners``, and of ``load_functions``.
 
-    The last sums a vertex' load once the whole block is through the two before.
+    A vertex' load may be summed once the whole block has computed edges and corners.
     """
     terms, PatchWork, Context = options.terms, work_type(options.precision), context_type(options.precision)
-    work_tile_corners, work_triangles = tile_corners_step(options), triangles_step(options)
+    compute_tile_corners, compute_triangles = tile_corners_step(options), triangles_step(options)
     vertices, own = vertices_step(options), load_functions(options)
 
     @wp.func
-    def work_corners(context: Context, work: PatchWork):
-        """What the patch's triangles do to their corners, after ``work_edges``; every thread of the block calls it."""
+    def compute_corners(context: Context, work: PatchWork):
+        """What the patch's triangles do to their corners, after ``compute_edges``; by all threads of the block."""
         if wp.static(terms.folds or terms.yarns):
             wait_for_block()
             if wp.static(options.paired):
-                work_tile_corners(context, work.tile)
+                compute_tile_corners(context, work.tile)
             else:
-                work_triangles(context, work.sides, work.corners)
+                compute_triangles(context, work.sides, work.corners)
 
     return SimpleNamespace(
         own_vertex=vertices.own_vertex, two_vertices=vertices.two_vertices,
-        work_edges=work_edges_function(options), work_corners=work_corners,
+        compute_edges=compute_edges_function(options), compute_corners=compute_corners,
         vertex_slots=own.vertex_slots, vertex_load=own.vertex_load,
     )  # fmt: skip
 
@@ -312,11 +333,11 @@ def gather_kernel(options: KernelOptions) -> wp.Kernel:
         patch = patch_of(patches.patch, block_of(thread))
         lane = lane_of(thread)
         first, second = functions.two_vertices(patches, patch, lane)
-        if leaves(model.items[patch.item].active, patch, first, second):
+        if skips_patch(model.items[patch.item].active, patch, first, second):
             return
         context = patch_context(step, patches, patch, overflow, lane)
-        work = functions.work_edges(context, state, first, second, patch)
-        functions.work_corners(context, work)
+        work = functions.compute_edges(context, state, first, second, patch)
+        functions.compute_corners(context, work)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         local = int(lane)
         wait_for_block()

@@ -193,7 +193,7 @@ def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
 
     @wp.func
     def fetch_ahead(model: Model, state: State, colliders: Colliders, first: int):
-        """Has the memory asked for what vertices will need that are looked up soon."""
+        """Prefetches what vertices need of the avatar's field that are moved soon."""
         if first + AHEAD + WIDTH <= model.weight.shape[0]:
             for lane in range(WIDTH):
                 vertex = first + AHEAD + lane

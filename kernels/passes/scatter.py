@@ -30,7 +30,7 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
     """Kernel ``measure_normals``, which goes first where cloth bends; ``packed``: as of packing.order_functions."""
     types = cloth_types(precision)
     position_at = order_functions(precision, packed).position_at
-    vec4, Model, State, Triangles, Step = types.vec4, types.Model, types.State, types.Triangles, types.Step
+    vec4, Model, State, Triangles = types.vec4, types.Model, types.State, types.Triangles
     triangle_normal = triangle_functions(precision, Accumulate.NONE).triangle_normal
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -38,7 +38,6 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
         model: Model,
         state: State,
         triangles: Triangles,
-        step: Step,
         groups: wp.array(dtype=wp.int32),  # of kernels.base.active_set, of triangles
         normal_out: wp.array(dtype=vec4),  # unit normal and inverse of twice the area [1/m2], shape [F]
     ):
@@ -60,7 +59,7 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
 def packet_normals_kernel(precision: str) -> wp.Kernel:
     """Kernel ``measure_normals`` of packets, whose sides it stores for ``add_triangles``."""
     types = cloth_types(precision)
-    vec4, Model, State, Triangles, Step = types.vec4, types.Model, types.State, types.Triangles, types.Step
+    vec4, Model, State, Triangles = types.vec4, types.Model, types.State, types.Triangles
     like, packets = wp.constant(types.real(0.0)), lane_types(types.real, WIDTH)
     active_lanes = active_lanes_function(precision)
 
@@ -69,7 +68,6 @@ def packet_normals_kernel(precision: str) -> wp.Kernel:
         model: Model,
         state: State,
         triangles: Triangles,
-        step: Step,
         normal_out: wp.array(dtype=vec4),  # unit normal and inverse of twice the area [1/m2], shape [F]
         sides_out: wp.array(dtype=packets.vec3),  # both sides of eight triangles' first corners [m], shape [F / 8, 2]
     ):
@@ -92,7 +90,7 @@ def packet_normals_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def edges_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Kernel:
-    """Kernel ``add_edges``; ``accumulate``: beside the forces, of packets a bound; these have no rest angles."""
+    """Kernel ``add_edges``; ``accumulate``: what is summed besides forces; of packets, without rest angles, a bound."""
     types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     Model, State, Step, Edges, Span = types.Model, types.State, types.Step, types.Edges, span_type(precision, lanes)
     vec2, vec4, like, memory = types.vec2, types.vec4, wp.constant(types.real(0.0)), lane_memory(precision, lanes)
@@ -175,7 +173,7 @@ def sides_function(precision: str, accumulate: Accumulate, packed: bool = False,
 
 @functools.cache
 def triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Kernel:
-    """Kernel ``add_triangles``; ``accumulate``: beside the forces, of packets a bound."""
+    """Kernel ``add_triangles``; ``accumulate``: what is summed besides forces; of packets, a bound."""
     types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     Model, State, Step, Triangles = types.Model, types.State, types.Step, types.Triangles
     vec4, like, Sides = types.vec4, wp.constant(types.real(0.0)), sides_type(precision, lanes)

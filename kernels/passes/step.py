@@ -21,12 +21,12 @@ from warp_cloth.kernels.math.symmetric import bounded_inverse, multiple_of_unit,
 from warp_cloth.kernels.passes.avatar_contact import avatar_function
 from warp_cloth.kernels.patches.packing import order_functions
 
-AHEAD = wp.constant(16)  # vertices for which the CPU's memory is asked before it is needed
+AHEAD = wp.constant(16)  # vertices by which the CPU prefetches the avatar's field
 
 
 @wp.struct
 class NoCollider:
-    """A scene without avatar asks nothing."""
+    """A scene without avatar has none."""
 
 
 def colliders_type(avatar_contact: wp.Function | None, collider_type: type) -> Any:
@@ -49,7 +49,7 @@ def prefetched_type(options: KernelOptions) -> type:
     """The struct of what is loaded for a vertex before its forces are known.
 
     A GPU waits for memory far longer than it computes: it loads all that while forces are still computed, or while
-    other blocks press pairs of cloth.
+    other blocks compute contact forces.
     """
     vec6 = cloth_types(options.precision).vec6
 
@@ -276,7 +276,7 @@ def displacement_function(options: KernelOptions) -> wp.Function:
 
 
 def accumulated(options: KernelOptions) -> Accumulate:
-    """What an iteration accumulates beside forces."""
+    """What an iteration accumulates besides forces."""
     if not options.accelerated:
         return Accumulate.NONE
     return Accumulate.ANISOTROPIC_STIFFNESS if options.anisotropic else Accumulate.STIFFNESS

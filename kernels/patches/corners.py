@@ -6,39 +6,24 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.base.access import element
-from warp_cloth.kernels.base.block import memory_functions, threads_function
-from warp_cloth.kernels.base.options import KernelOptions, Terms, fold_numbers
+from warp_cloth.kernels.base.block import threads_function
+from warp_cloth.kernels.base.options import KernelOptions, Terms
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.elements.triangle import corner_function, triangle_functions
-from warp_cloth.kernels.math.real import inner
-from warp_cloth.kernels.patches.memory import context_type, stride_function
+from warp_cloth.kernels.patches.memory import access_functions, context_type, fold_functions, stride_function
 from warp_cloth.kernels.patches.packing import first_three
-from warp_cloth.kernels.patches.steps import packed, point_functions
+from warp_cloth.kernels.patches.steps import packed
 
 
 @functools.cache
 def sides_functions(options: KernelOptions) -> SimpleNamespace:
-    """Functions ``fold_at``, ``oriented``, ``side_fold`` and ``sides_of``, by which a triangle is computed."""
+    """Functions ``oriented``, ``side_fold`` and ``sides_of``, by which a triangle is computed."""
     precision, terms, fits, accumulate = options.precision, options.terms, options.fits, options.accumulate
     types, Context = cloth_types(precision), context_type(precision)
     vec3 = types.vec3
-    functions = memory_functions(precision, fits)
-    point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
-    read_2, read_3 = functions.read_2, functions.read_3
+    access, fold_at = access_functions(precision, fits), fold_functions(precision, terms, fits).fold_at
+    point_at, row_at = access.point_at, access.row_at
     triangle_sides = triangle_functions(precision, accumulate).triangle_sides
-    numbers, size_4 = fold_numbers(terms), 4 * types.real_size
-
-    @wp.func
-    def fold_at(context: Context, edge: int, along: vec3):
-        """An edge's hinge; ``along`` the edge, where that is known."""
-        place = context.memory.fold + wp.static(numbers * types.real_size) * edge
-        fold = vec3()
-        if wp.static(numbers == 2):
-            two = read_2(context.overflow, place)
-            fold = vec3(two[0], two[1], inner(along, along))
-        else:
-            fold = read_3(context.overflow, place)
-        return fold
 
     @wp.func
     def oriented(fold: vec3, reverse: int):
@@ -56,15 +41,15 @@ def sides_functions(options: KernelOptions) -> SimpleNamespace:
         a, b, c = packed(word, 0), packed(word, 1), packed(word, 2)
         move_0, move_1, move_2 = vec3(), vec3(), vec3()
         if wp.static(accumulate.is_bound):
-            move_0 = first_three(read_4(context.overflow, context.memory.move + wp.static(size_4) * a))
-            move_1 = first_three(read_4(context.overflow, context.memory.move + wp.static(size_4) * b))
-            move_2 = first_three(read_4(context.overflow, context.memory.move + wp.static(size_4) * c))
+            move_0 = first_three(row_at(context, context.memory.move, a))
+            move_1 = first_three(row_at(context, context.memory.move, b))
+            move_2 = first_three(row_at(context, context.memory.move, c))
         origin = point_at(context, a)
         second = point_at(context, b)
         third = point_at(context, c)
         return triangle_sides(origin, second, third, move_0, move_1, move_2)
 
-    return SimpleNamespace(fold_at=fold_at, oriented=oriented, side_fold=side_fold, sides_of=sides_of)
+    return SimpleNamespace(oriented=oriented, side_fold=side_fold, sides_of=sides_of)
 
 
 @functools.cache
@@ -90,8 +75,8 @@ def corners_function(options: KernelOptions) -> wp.Function:
     precision, terms, fits, accumulate = options.precision, options.terms, options.fits, options.accumulate
     types, Context = cloth_types(precision), context_type(precision)
     vec3, vec4, Sides = types.vec3, types.vec4, types.Sides
-    write_4, size_4 = memory_functions(precision, fits).write_4, 4 * types.real_size
-    corner_loads, corner_stride = corner_function(precision, accumulate, terms), stride_function(terms)
+    put_row, corner_stride = access_functions(precision, fits).put_row, stride_function(terms)
+    corner_loads = corner_function(precision, accumulate, terms)
 
     @wp.func
     def put_corners(
@@ -109,10 +94,10 @@ def corners_function(options: KernelOptions) -> wp.Function:
             at = context.patch.triangle_start + triangle
             slope, yarns = element(context.patches.slope, at), element(context.patches.yarns, at)
         first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, yarns, context.step)
-        others = context.memory.corner_load + wp.static(size_4) * (corner_stride(context.patch) + triangle)
-        write_4(context.overflow, context.memory.corner_load + wp.static(size_4) * triangle, first)
-        write_4(context.overflow, others, second)
-        write_4(context.overflow, others + wp.static(size_4) * context.patch.triangle_count, third)
+        other = corner_stride(context.patch) + triangle
+        put_row(context, context.memory.corner_load, triangle, first)
+        put_row(context, context.memory.corner_load, other, second)
+        put_row(context, context.memory.corner_load, other + context.patch.triangle_count, third)
 
     return put_corners
 
@@ -120,17 +105,16 @@ def corners_function(options: KernelOptions) -> wp.Function:
 @functools.cache
 def nothing_step(options: KernelOptions) -> wp.Function:
     """The function that puts nothing after what triangles do."""
-    precision, terms, fits = options.precision, options.terms, options.fits
-    types, Context = cloth_types(precision), context_type(precision)
-    vec4, size_4 = types.vec4, 4 * types.real_size
-    write_4, corner_stride = memory_functions(precision, fits).write_4, stride_function(terms)
+    vec4, Context = cloth_types(options.precision).vec4, context_type(options.precision)
+    put_row = access_functions(options.precision, options.fits).put_row
+    corner_stride = stride_function(options.terms)
 
     @wp.func
     def put_nothing(context: Context):
         """For vertices where no more triangles meet."""
         if context.lane == 0:
             after = corner_stride(context.patch) + 2 * context.patch.triangle_count
-            write_4(context.overflow, context.memory.corner_load + wp.static(size_4) * after, vec4())
+            put_row(context, context.memory.corner_load, after, vec4())
 
     return put_nothing
 
@@ -142,14 +126,14 @@ def triangles_step(options: KernelOptions) -> wp.Function:
     types, block_threads = cloth_types(precision), threads_function(options.block_threads)
     Context = context_type(precision)
     vec3, vec4, Sides = types.vec3, types.vec4, types.Sides
-    read_4, size_4 = memory_functions(precision, fits).read_4, 4 * types.real_size
+    row_at = access_functions(precision, fits).row_at
     functions, put_corners = sides_functions(options), corners_function(options)
     sides_of, side_fold = functions.sides_of, functions.side_fold
     put_nothing = nothing_step(options)
     triangle_table = triangle_table_function(precision, terms)
 
     @wp.func
-    def work_triangles(context: Context, first_sides: wp.uint64, first_corners: wp.uint64):
+    def compute_triangles(context: Context, first_sides: wp.uint64, first_corners: wp.uint64):
         """What hinges and yarns of triangles do to their corners; the last two are of the thread's first one."""
         count = context.patch.triangle_count
         local = int(context.lane)
@@ -164,7 +148,7 @@ def triangles_step(options: KernelOptions) -> wp.Function:
                 sides = sides_of(context, corners)
             fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
             if wp.static(terms.folds):
-                normal = read_4(context.overflow, context.memory.normal + wp.static(size_4) * local)
+                normal = row_at(context, context.memory.normal, local)
                 fold_0 = side_fold(context, word, 0, sides.side_0)
                 fold_1 = side_fold(context, word, 1, sides.side_2)
                 fold_2 = side_fold(context, word, 2, sides.side_1)
@@ -172,4 +156,4 @@ def triangles_step(options: KernelOptions) -> wp.Function:
             local += block_threads()
         put_nothing(context)
 
-    return work_triangles
+    return compute_triangles

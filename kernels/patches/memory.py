@@ -1,4 +1,4 @@
-"""A patch of cloth: what it has, where its block's memory holds it, and what it asks for ahead."""
+"""A patch of cloth in shared memory: its layout there, access to it, and what is prefetched from its tables."""
 
 import functools
 from types import SimpleNamespace
@@ -6,12 +6,13 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.base.access import element
-from warp_cloth.kernels.base.block import OVERFLOW, fetch_ahead, fetches, own_memory_function
-from warp_cloth.kernels.base.options import RANKS, KernelOptions, Terms, block_for
+from warp_cloth.kernels.base.block import OVERFLOW, fetch_ahead, fetches, memory_functions, own_memory_function
+from warp_cloth.kernels.base.options import RANKS, KernelOptions, Terms, block_for, fold_numbers
 from warp_cloth.kernels.base.types import Patch, cloth_types
+from warp_cloth.kernels.math.real import inner
 from warp_cloth.kernels.patches.packing import fetch_points
 
-SLOTS_WARP, NEXT_WARP = wp.constant(1), wp.constant(2)  # which of a block's last warps asks ahead for what
+SLOTS_WARP, NEXT_WARP = wp.constant(1), wp.constant(2)  # which of a block's last warps prefetches what
 
 
 @wp.struct
@@ -21,7 +22,7 @@ class PatchMemory:
     edge_load: int  # on each edge's first end, and nothing after the last
     corner_load: int  # on the triangles' first corners, the second, the third, and nothing after the last
     normal: int  # unit normal and inverse of twice the area [1/m2] of each triangle
-    fold: int  # of ``fold_numbers``: turn [N], bound [N/m] and L^2 [m2] of each edge's hinge
+    fold: int  # of ``fold_numbers``: torque over L [N], bound [N/m] and L^2 [m2] of each edge's hinge
     position: int  # two coordinates of each vertex, in the positions' own precision
     third: int  # the third ones
     move: int  # and how long it is
@@ -59,11 +60,11 @@ def patch_of(patches: wp.array(dtype=wp.vec4i), number: int):
 
 
 @wp.func
-def leaves(active: int, patch: Patch, first: int, second: int):
+def skips_patch(active: int, patch: Patch, first: int, second: int):
     """Whether a patch's item is at rest; the last two are vertices.
 
-    The answer hangs on all that is asked for at first, none of it ever negative: else a compiler would put off the
-    rest, for which threads would wait once more.
+    The answer depends on all that is loaded first, none of it ever negative: else a compiler would put off the other
+    loads, for which threads would wait once more.
     """
     return wp.min(active - 1, first | second | patch.edge_start | patch.triangle_start) < 0
 
@@ -166,15 +167,81 @@ def context_function(options: KernelOptions) -> wp.Function:
 
 
 @functools.cache
+def access_functions(precision: str, fits: bool) -> SimpleNamespace:
+    """Functions ``row_at``, ``put_row``, ``point_at``, ``put_point``: what the block's memory holds, by its number.
+
+    A row is a vec4; ``PatchMemory`` has where the first of its kind lies. ``fits`` as of ``memory_functions``.
+    """
+    types, Context = cloth_types(precision), context_type(precision)
+    size_4, wide, memory = 4 * types.real_size, types.point_size // 3, memory_functions(precision, fits)
+
+    @wp.func
+    def row_at(context: Context, rows: int, number: int):
+        """One of the rows that begin at a place."""
+        return memory.read_4(context.overflow, rows + wp.static(size_4) * number)
+
+    @wp.func
+    def put_row(context: Context, rows: int, number: int, row: types.vec4):
+        """Writes one of the rows that begin at a place."""
+        memory.write_4(context.overflow, rows + wp.static(size_4) * number, row)
+
+    @wp.func
+    def point_at(context: Context, local: int):
+        """Where a vertex is [m]."""
+        pair = context.memory.position + wp.static(2 * wide) * local
+        return memory.read_point(context.overflow, pair, context.memory.third + wp.static(wide) * local)
+
+    @wp.func
+    def put_point(context: Context, local: int, position: types.point):
+        """Writes where a vertex is."""
+        pair = context.memory.position + wp.static(2 * wide) * local
+        memory.write_point(context.overflow, pair, context.memory.third + wp.static(wide) * local, position)
+
+    return SimpleNamespace(row_at=row_at, put_row=put_row, point_at=point_at, put_point=put_point)
+
+
+@functools.cache
+def fold_functions(precision: str, terms: Terms, fits: bool) -> SimpleNamespace:
+    """Functions ``fold_at`` and ``put_fold``: hinges of edges (elements.edge.edge_fold) in the block's memory."""
+    types, Context = cloth_types(precision), context_type(precision)
+    vec2, vec3, numbers, memory = types.vec2, types.vec3, fold_numbers(terms), memory_functions(precision, fits)
+    size = numbers * types.real_size
+
+    @wp.func
+    def fold_at(context: Context, edge: int, along: vec3):
+        """An edge's hinge; ``along`` the edge, where that is known."""
+        place = context.memory.fold + wp.static(size) * edge
+        fold = vec3()
+        if wp.static(numbers == 2):
+            two = memory.read_2(context.overflow, place)
+            fold = vec3(two[0], two[1], inner(along, along))
+        else:
+            fold = memory.read_3(context.overflow, place)
+        return fold
+
+    @wp.func
+    def put_fold(context: Context, edge: int, fold: vec3):
+        """Writes an edge's hinge for its triangles, where cloth bends."""
+        if wp.static(terms.folds):
+            place = context.memory.fold + wp.static(size) * edge
+            if wp.static(numbers == 2):
+                memory.write_2(context.overflow, place, vec2(fold[0], fold[1]))
+            else:
+                memory.write_3(context.overflow, place, fold)
+
+    return SimpleNamespace(fold_at=fold_at, put_fold=put_fold)
+
+
+@functools.cache
 def fetch_function(options: KernelOptions) -> wp.Function:
     """The function that prefetches the tables of all steps."""
     terms, paired = options.terms, options.paired
     Patches = cloth_types(options.precision).Patches
-    slots_warp = SLOTS_WARP if paired else wp.constant(0)  # where the next patch is asked for, too, warps share that
+    slots_warp = SLOTS_WARP if paired else wp.constant(0)  # where the next patch is prefetched, too, warps share that
 
     @wp.func
     def fetch_slots(patches: Patches, patch: Patch):
-        """Asks for what vertices sum."""
+        """Prefetches what vertices sum."""
         if wp.static(terms.edges):
             fetch_ahead(patches.edge_slot, patch.slot_start, words_of(patch.ranks) * patch.owned_count, 3)
         if wp.static(terms.folds or terms.yarns):
@@ -182,7 +249,7 @@ def fetch_function(options: KernelOptions) -> wp.Function:
 
     @wp.func
     def fetch_steps(patches: Patches, patch: Patch):
-        """Asks for what edges and triangles are worked out from."""
+        """Prefetches the tables of edges and triangles."""
         if wp.static(terms.folds or terms.yarns):
             fetch_ahead(patches.corners, patch.triangle_start, patch.normal_count, 4)
         if wp.static(terms.folds or terms.edges):
@@ -199,7 +266,7 @@ def fetch_function(options: KernelOptions) -> wp.Function:
 
     @wp.func
     def fetch_tables(patches: Patches, patch: Patch):
-        """Asks for what later steps read, while the vertices are on their way."""
+        """Prefetches what later steps read, while the vertices are being loaded."""
         if fetches(0):
             fetch_steps(patches, patch)
         if fetches(slots_warp):
@@ -212,7 +279,7 @@ def fetch_function(options: KernelOptions) -> wp.Function:
 def next_functions(precision: str) -> SimpleNamespace:
     """Functions ``next_patch`` and ``fetch_next``: of the patch that a GPU turns to when it is through with a block's.
 
-    Its vertices are asked for while a block works on others; where they lie is known by then.
+    Its vertices are prefetched while a block works on others; where they lie is known by then.
     """
     types = cloth_types(precision)
     Patches, State = types.Patches, types.State
@@ -220,19 +287,20 @@ def next_functions(precision: str) -> SimpleNamespace:
     @wp.func
     def next_patch(patches: Patches, number: int):
         """That patch, or of the last ones none, which has no vertices."""
-        soon = Patch()
+        upcoming = Patch()
         last = patches.patch.shape[0] // 4 - 1
         if number + patches.ahead <= last:
-            soon = patch_of(patches.patch, number + patches.ahead)
+            upcoming = patch_of(patches.patch, number + patches.ahead)
             fetch_ahead(patches.patch, 4 * wp.min(number + 2 * patches.ahead, last), 4, 0)
-        return soon
+        return upcoming
 
     @wp.func
-    def fetch_next(patches: Patches, state: State, soon: Patch):
-        """Has memory bring what a block reads first."""
-        if soon.owned_count > 0:
-            fetch_ahead(patches.vertex, soon.vertex_start + soon.owned_count, soon.vertex_count - soon.owned_count, 0)
-            fetch_points(state.position, soon.place, soon.owned_count)
-            fetch_ahead(state.displacement4, soon.place, soon.owned_count, 0)
+    def fetch_next(patches: Patches, state: State, upcoming: Patch):
+        """Prefetches what a block reads first."""
+        if upcoming.owned_count > 0:
+            owned = upcoming.owned_count
+            fetch_ahead(patches.vertex, upcoming.vertex_start + owned, upcoming.vertex_count - owned, 0)
+            fetch_points(state.position, upcoming.place, upcoming.owned_count)
+            fetch_ahead(state.displacement4, upcoming.place, upcoming.owned_count, 0)
 
     return SimpleNamespace(next_patch=next_patch, fetch_next=fetch_next)

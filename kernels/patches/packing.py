@@ -2,9 +2,7 @@
 
 A GPU reads and writes 16 bytes in one go, of neighbours side by side. So packed positions are first two coordinates of
 each vertex, then the third ones of all; compliances first four numbers of each, then the last two of all; and
-displacements
-have four numbers. Where cloth meets cloth many others read
-single positions, which then lie as ever.
+displacements have four numbers. Where cloth meets cloth many others read single positions, which then lie as ever.
 """
 
 import functools
@@ -91,7 +89,7 @@ for _dtype in (wp.vec3f, wp.vec3d):
 
     @wp.func_native(_FETCH_POINTS)
     def fetch_points(array: wp.array(dtype=_dtype), first: int, count: int):
-        """Has memory bring so many packed positions nearer, at least one."""
+        """Prefetches so many packed positions, at least one."""
         ...
 
 

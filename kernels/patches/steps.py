@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.base.access import element
-from warp_cloth.kernels.base.block import block_threads, memory_functions, threads_function
+from warp_cloth.kernels.base.block import block_threads, threads_function
 from warp_cloth.kernels.base.options import (
     NUMBER_BITS,
     SLOTS,
@@ -17,12 +17,11 @@ from warp_cloth.kernels.base.options import (
     Accumulate,
     KernelOptions,
     SpringField,
-    fold_numbers,
 )
 from warp_cloth.kernels.base.types import Patch, cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.elements.edge import edge_functions
 from warp_cloth.kernels.elements.triangle import triangle_functions
-from warp_cloth.kernels.patches.memory import context_type
+from warp_cloth.kernels.patches.memory import access_functions, context_type, fold_functions
 from warp_cloth.kernels.patches.packing import first_three, order_functions
 
 _PACKED = """
@@ -72,36 +71,6 @@ def own_function(precision: str, in_order: bool) -> wp.Function:
 
 
 @functools.cache
-def point_functions(precision: str, fits: bool) -> SimpleNamespace:
-    """Functions ``point_at`` and ``put_point`` of a patch's vertices in the block's memory."""
-    types = cloth_types(precision)
-    wide, functions = types.point_size // 3, memory_functions(precision, fits)
-    Context = context_type(precision)
-    read_point, write_point = functions.read_point, functions.write_point
-
-    @wp.func
-    def point_at(context: Context, local: int):
-        """Where a vertex is [m]."""
-        return read_point(
-            context.overflow,
-            context.memory.position + wp.static(2 * wide) * local,
-            context.memory.third + wp.static(wide) * local,
-        )
-
-    @wp.func
-    def put_point(context: Context, local: int, position: types.point):
-        """Keeps where a vertex is."""
-        write_point(
-            context.overflow,
-            context.memory.position + wp.static(2 * wide) * local,
-            context.memory.third + wp.static(wide) * local,
-            position,
-        )
-
-    return SimpleNamespace(point_at=point_at, put_point=put_point)
-
-
-@functools.cache
 def vertices_step(options: KernelOptions) -> SimpleNamespace:
     """Functions ``own_vertex``, ``two_vertices`` and ``read_vertices``."""
     precision, fits, accumulate = options.precision, options.fits, options.accumulate
@@ -110,18 +79,14 @@ def vertices_step(options: KernelOptions) -> SimpleNamespace:
     own_vertex = own_function(precision, options.in_order)
     order = order_functions(precision, options.packed, options.in_order)
     position_at, displacement4_at = order.position_at, order.displacement4_at
-    put_point, write_4 = point_functions(precision, fits).put_point, memory_functions(precision, fits).write_4
+    put_point, put_row = access_functions(precision, fits).put_point, access_functions(precision, fits).put_row
 
     @wp.func
     def keep(context: Context, state: State, local: int, vertex: int):
         """Keeps a vertex in the block's memory."""
         position = position_at(state, vertex)
         if wp.static(accumulate.is_bound):
-            write_4(
-                context.overflow,
-                context.memory.move + wp.static(4 * types.real_size) * local,
-                displacement4_at(state, vertex),
-            )
+            put_row(context, context.memory.move, local, displacement4_at(state, vertex))
         put_point(context, local, position)
 
     @wp.func
@@ -159,14 +124,12 @@ def vertices_step(options: KernelOptions) -> SimpleNamespace:
 def normals_step(options: KernelOptions) -> wp.Function:
     """The function that computes normals; where threads work on pairs, of triangles that are in none."""
     precision, fits, paired = options.precision, options.fits, options.paired
-    types, block_threads = cloth_types(precision), threads_function(options.block_threads)
-    Context = context_type(precision)
-    functions = memory_functions(precision, fits)
-    point_at, write_4 = point_functions(precision, fits).point_at, functions.write_4
+    Context, block_threads = context_type(precision), threads_function(options.block_threads)
+    point_at, put_row = access_functions(precision, fits).point_at, access_functions(precision, fits).put_row
     triangle_normal = triangle_functions(precision, Accumulate.NONE).triangle_normal
 
     @wp.func
-    def work_normals(context: Context, first: wp.uint64):
+    def compute_normals(context: Context, first: wp.uint64):
         """Normals of the patch's triangles and of those beyond its edges; ``first``: corners of a thread's first."""
         local = int(context.lane)
         if wp.static(paired):
@@ -180,10 +143,10 @@ def normals_step(options: KernelOptions) -> wp.Function:
             second = point_at(context, packed(word, 1))
             third = point_at(context, packed(word, 2))
             normal = triangle_normal(origin, second, third)
-            write_4(context.overflow, context.memory.normal + wp.static(4 * types.real_size) * local, normal)
+            put_row(context, context.memory.normal, local, normal)
             local += block_threads()
 
-    return work_normals
+    return compute_normals
 
 
 @functools.cache
@@ -237,20 +200,19 @@ def ends_function(paired: bool) -> wp.Function:
 
 
 @functools.cache
-def edge_functions_of_patch(options: KernelOptions) -> SimpleNamespace:
-    """Functions ``work_edge``, which computes an edge from what is known of it, and ``put_fold``."""
+def patch_edge_function(options: KernelOptions) -> wp.Function:
+    """The function that computes an edge from what is known of it."""
     precision, terms, fits, accumulate = options.precision, options.terms, options.fits, options.accumulate
     types, Context = cloth_types(precision), context_type(precision)
     vec2, vec3, vec4 = types.vec2, types.vec3, types.vec4
-    functions = memory_functions(precision, fits)
-    point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
-    write_2, write_3, write_4 = functions.write_2, functions.write_3, functions.write_4
+    access = access_functions(precision, fits)
+    point_at, row_at, put_row = access.point_at, access.row_at, access.put_row
     edge = edge_functions(precision, accumulate, terms.angles)
     side_span, edge_load, edge_fold = edge.side_span, edge.edge_load, edge.edge_fold
     exact = takes_exact_stretch(precision, accumulate)
 
     @wp.func
-    def work_edge(
+    def compute_edge(
         context: Context,
         local: int,
         first: int,
@@ -264,14 +226,14 @@ def edge_functions_of_patch(options: KernelOptions) -> SimpleNamespace:
         move_0 = vec4()
         move_1 = vec4()
         if wp.static(accumulate.is_bound):
-            move_0 = read_4(context.overflow, context.memory.move + wp.static(4 * types.real_size) * first)
-            move_1 = read_4(context.overflow, context.memory.move + wp.static(4 * types.real_size) * second)
+            move_0 = row_at(context, context.memory.move, first)
+            move_1 = row_at(context, context.memory.move, second)
         span = side_span(side, first_three(move_0), first_three(move_1), move_0[3])
         if wp.static(exact):
             span.exact = point_at(context, second) - point_at(context, first)
         if wp.static(terms.edges):
             load = edge_load(span, first_three(constants), context.step)
-            write_4(context.overflow, context.memory.edge_load + wp.static(4 * types.real_size) * local, load)
+            put_row(context, context.memory.edge_load, local, load)
         fold = vec3()
         if wp.static(terms.folds):
             rest = vec2()
@@ -280,17 +242,7 @@ def edge_functions_of_patch(options: KernelOptions) -> SimpleNamespace:
             fold = edge_fold(span, normal_0, normal_1, constants[SpringField.HINGE], rest, context.step)
         return fold
 
-    @wp.func
-    def put_fold(context: Context, local: int, fold: vec3):
-        """Stores a hinge of ``work_edge`` for its triangles."""
-        if wp.static(terms.folds and fold_numbers(terms) == 2):
-            write_2(
-                context.overflow, context.memory.fold + wp.static(2 * types.real_size) * local, vec2(fold[0], fold[1])
-            )
-        if wp.static(terms.folds and fold_numbers(terms) != 2):
-            write_3(context.overflow, context.memory.fold + wp.static(3 * types.real_size) * local, fold)
-
-    return SimpleNamespace(work_edge=work_edge, put_fold=put_fold)
+    return compute_edge
 
 
 @functools.cache
@@ -300,15 +252,15 @@ def edges_step(options: KernelOptions) -> wp.Function:
     types, block_threads = cloth_types(precision), threads_function(options.block_threads)
     Context = context_type(precision)
     vec4 = types.vec4
-    functions = memory_functions(precision, fits)
-    point_at, read_4, write_4 = point_functions(precision, fits).point_at, functions.read_4, functions.write_4
+    access = access_functions(precision, fits)
+    point_at, row_at, put_row = access.point_at, access.row_at, access.put_row
     edge_table = edge_table_functions(options).edge_table
-    edge, ends_of = edge_functions_of_patch(options), ends_function(paired)
-    work_edge, put_fold = edge.work_edge, edge.put_fold
+    compute_edge, ends_of = patch_edge_function(options), ends_function(paired)
+    put_fold = fold_functions(precision, terms, fits).put_fold
     difference = difference_function(precision)
 
     @wp.func
-    def work_edges(context: Context, first_word: wp.uint64, first_constants: vec4):
+    def compute_edges(context: Context, first_word: wp.uint64, first_constants: vec4):
         """Tensions and hinges of the patch's edges; the last two are of the thread's first edge."""
         local = int(context.lane)
         if wp.static(paired):
@@ -322,17 +274,13 @@ def edges_step(options: KernelOptions) -> wp.Function:
             side = difference(point_at(context, second), point_at(context, first))
             normal_0, normal_1 = vec4(), vec4()
             if wp.static(terms.folds):
-                normal_0 = read_4(context.overflow, context.memory.normal + wp.static(4 * types.real_size) * one)
-                normal_1 = read_4(context.overflow, context.memory.normal + wp.static(4 * types.real_size) * other)
-            fold = work_edge(context, local, first, second, side, normal_0, normal_1, constants)
+                normal_0 = row_at(context, context.memory.normal, one)
+                normal_1 = row_at(context, context.memory.normal, other)
+            fold = compute_edge(context, local, first, second, side, normal_0, normal_1, constants)
             put_fold(context, local, fold)
             local += block_threads()
         if wp.static(terms.edges):
             if context.lane == 0:
-                write_4(
-                    context.overflow,
-                    context.memory.edge_load + wp.static(4 * types.real_size) * context.patch.edge_count,
-                    vec4(),
-                )
+                put_row(context, context.memory.edge_load, context.patch.edge_count, vec4())
 
-    return work_edges
+    return compute_edges

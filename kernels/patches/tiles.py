@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.base.access import element
-from warp_cloth.kernels.base.block import block_threads, memory_functions
+from warp_cloth.kernels.base.block import block_threads
 from warp_cloth.kernels.base.options import (
     BEGIN_BITS,
     CODE_AFTER,
@@ -33,13 +33,12 @@ from warp_cloth.kernels.base.options import (
 from warp_cloth.kernels.base.types import Patch, cloth_types, difference_function
 from warp_cloth.kernels.laws.bending import unit_normal
 from warp_cloth.kernels.patches.corners import corners_function, nothing_step, sides_functions
-from warp_cloth.kernels.patches.memory import context_type
+from warp_cloth.kernels.patches.memory import access_functions, context_type, fold_functions
 from warp_cloth.kernels.patches.steps import (
     bits_of,
-    edge_functions_of_patch,
     edge_table_functions,
     number_of,
-    point_functions,
+    patch_edge_function,
 )
 
 
@@ -81,7 +80,7 @@ def tile_functions(precision: str, fits: bool) -> SimpleNamespace:
     """Functions ``load_tile``, ``measure_tile``, ``tile_side``."""
     types = cloth_types(precision)
     vec3, vec4, Patches, Tile = types.vec3, types.vec4, types.Patches, tile_type(precision)
-    point_at, difference = point_functions(precision, fits).point_at, difference_function(precision)
+    point_at, difference = access_functions(precision, fits).point_at, difference_function(precision)
     Context = context_type(precision)
 
     @wp.func
@@ -146,24 +145,19 @@ def tile_functions(precision: str, fits: bool) -> SimpleNamespace:
 def tile_normals_step(options: KernelOptions) -> wp.Function:
     """The function that computes tiles as they lie."""
     precision, fits = options.precision, options.fits
-    types, Context = cloth_types(precision), context_type(precision)
-    Tile, size_4 = tile_type(precision), 4 * types.real_size
-    functions, write_4 = tile_functions(precision, fits), memory_functions(precision, fits).write_4
+    Context, Tile = context_type(precision), tile_type(precision)
+    functions, put_row = tile_functions(precision, fits), access_functions(precision, fits).put_row
     load_tile, measure_tile = functions.load_tile, functions.measure_tile
 
     @wp.func
     def put_normals(context: Context, local: int, tile: Tile):
         """Keeps a tile's normals for others."""
-        write_4(context.overflow, context.memory.normal + wp.static(size_4) * local, tile.normal_0)
+        put_row(context, context.memory.normal, local, tile.normal_0)
         if local < context.patch.triangle_count - context.patch.tile_count:
-            write_4(
-                context.overflow,
-                context.memory.normal + wp.static(size_4) * (context.patch.tile_count + local),
-                tile.normal_1,
-            )
+            put_row(context, context.memory.normal, context.patch.tile_count + local, tile.normal_1)
 
     @wp.func
-    def work_tile_normals(context: Context, loaded: Tile):
+    def compute_tile_normals(context: Context, loaded: Tile):
         """Normals of the tiles' triangles; returns the thread's own; ``loaded`` is of ``load_tile``."""
         tile = Tile()
         if wp.static(fits):
@@ -177,19 +171,19 @@ def tile_normals_step(options: KernelOptions) -> wp.Function:
                 local += block_threads()
         return tile
 
-    return work_tile_normals
+    return compute_tile_normals
 
 
 @functools.cache
 def tile_edges_step(options: KernelOptions) -> SimpleNamespace:
-    """Functions ``load_constants`` and ``work_tile_edges``."""
+    """Functions ``load_constants`` and ``compute_tile_edges``."""
     precision, fits = options.precision, options.fits
     types, Context = cloth_types(precision), context_type(precision)
     vec4, Patches, Tile = types.vec4, types.Patches, tile_type(precision)
-    functions, read_4 = tile_functions(precision, fits), memory_functions(precision, fits).read_4
+    functions, row_at = tile_functions(precision, fits), access_functions(precision, fits).row_at
     load_tile, measure_tile, tile_side = functions.load_tile, functions.measure_tile, functions.tile_side
-    edge = edge_functions_of_patch(options)
-    work_edge, put_fold = edge.work_edge, edge.put_fold
+    compute_edge = patch_edge_function(options)
+    put_fold = fold_functions(precision, options.terms, fits).put_fold
     tables = edge_table_functions(options)
     constants_at, constants_of = tables.constants_at, tables.constants_of
 
@@ -207,11 +201,11 @@ def tile_edges_step(options: KernelOptions) -> SimpleNamespace:
         which = code & 7
         on_second = which == wp.static(SIDE_AD) or which == wp.static(SIDE_DB)
         own = wp.where(on_second, tile.normal_1, tile.normal_0)
-        across = read_4(context.overflow, context.memory.normal + wp.static(4 * types.real_size) * beyond)
+        across = row_at(context, context.memory.normal, beyond)
         after = (code & wp.static(CODE_AFTER)) != 0
         one, other = wp.where(after, across, own), wp.where(after, own, across)
         side, first, second = tile_side(tile, code)
-        fold = work_edge(context, local, first, second, side, one, other, constants)
+        fold = compute_edge(context, local, first, second, side, one, other, constants)
         put_fold(context, local, fold)
 
     @wp.func
@@ -219,7 +213,7 @@ def tile_edges_step(options: KernelOptions) -> SimpleNamespace:
         """Tensions and hinges of a tile's edges; returns the shared one's hinge, or any where there is none."""
         last_constants = constants_at(context.patches, tile.last_constants)
         a, b = number_of(tile.vertices, 0), number_of(tile.vertices, 1)
-        fold = work_edge(context, local, a, b, tile.side_ab, tile.normal_0, tile.normal_1, tile.shared_constants)
+        fold = compute_edge(context, local, a, b, tile.side_ab, tile.normal_0, tile.normal_1, tile.shared_constants)
         other = context.patch.tile_count + local
         code = bits_of(tile.vertices, wp.static(WORD_CODE), wp.static(CODE_BITS))
         beyond = bits_of(tile.vertices, wp.static(WORD_ACROSS), wp.static(NUMBER_BITS))
@@ -231,7 +225,7 @@ def tile_edges_step(options: KernelOptions) -> SimpleNamespace:
         return fold
 
     @wp.func
-    def work_tile_edges(context: Context, tile: Tile):
+    def compute_tile_edges(context: Context, tile: Tile):
         """Edges of the patch's tiles; the last is the thread's own, with ``load_constants``, and is returned."""
         if wp.static(fits):
             if context.lane < context.patch.tile_count:
@@ -245,7 +239,7 @@ def tile_edges_step(options: KernelOptions) -> SimpleNamespace:
                 local += block_threads()
         return tile
 
-    return SimpleNamespace(load_constants=load_constants, work_tile_edges=work_tile_edges)
+    return SimpleNamespace(load_constants=load_constants, compute_tile_edges=compute_tile_edges)
 
 
 @functools.cache
@@ -254,10 +248,10 @@ def tile_corners_step(options: KernelOptions) -> wp.Function:
     precision, fits = options.precision, options.fits
     types, Context = cloth_types(precision), context_type(precision)
     vec3, vec4, Sides = types.vec3, types.vec4, types.Sides
-    Tile, size_4 = tile_type(precision), 4 * types.real_size
-    load_tile, read_4 = tile_functions(precision, fits).load_tile, memory_functions(precision, fits).read_4
-    functions, put_nothing = sides_functions(options), nothing_step(options)
-    fold_at, oriented = functions.fold_at, functions.oriented
+    Tile = tile_type(precision)
+    load_tile, row_at = tile_functions(precision, fits).load_tile, access_functions(precision, fits).row_at
+    oriented, put_nothing = sides_functions(options).oriented, nothing_step(options)
+    fold_at = fold_functions(precision, options.terms, fits).fold_at
     put_corners = corners_function(options)
 
     @wp.func
@@ -287,7 +281,7 @@ def tile_corners_step(options: KernelOptions) -> wp.Function:
             triangle_corners(context, tile, 1, other, shared, tile.normal_1)
 
     @wp.func
-    def work_tile_corners(context: Context, tile: Tile):
+    def compute_tile_corners(context: Context, tile: Tile):
         """What the tiles' triangles do to their corners; the last is the thread's own."""
         if wp.static(fits):
             if context.lane < context.patch.tile_count:
@@ -296,14 +290,12 @@ def tile_corners_step(options: KernelOptions) -> wp.Function:
             local = int(context.lane)
             while local < context.patch.tile_count:
                 again = load_tile(context.patches, context.patch, local)
-                again.normal_0 = read_4(context.overflow, context.memory.normal + wp.static(size_4) * local)
+                again.normal_0 = row_at(context, context.memory.normal, local)
                 if context.patch.tile_count + local < context.patch.triangle_count:
-                    again.normal_1 = read_4(
-                        context.overflow, context.memory.normal + wp.static(size_4) * (context.patch.tile_count + local)
-                    )
+                    again.normal_1 = row_at(context, context.memory.normal, context.patch.tile_count + local)
                 again.fold = fold_at(context, local, vec3())
                 corners_of(context, local, again)
                 local += block_threads()
         put_nothing(context)
 
-    return work_tile_corners
+    return compute_tile_corners

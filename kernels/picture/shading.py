@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from warp_cloth.kernels.avatar.raster import View, barycentric, pixel_position
+from warp_cloth.kernels.avatar.raster import View, barycentric, pixel_position, pixel_triangle
 
 # unrolled, the occlusion loops take long to compile; nobody differentiates a picture
 wp.set_module_options({"max_unroll": 1, "enable_backward": False})
@@ -79,9 +79,7 @@ def sample_surface(
     i = surface.triangles[triangle, 0]
     j = surface.triangles[triangle, 1]
     k = surface.triangles[triangle, 2]
-    a = pixel_position(view, surface.points[i])
-    b = pixel_position(view, surface.points[j])
-    c = pixel_position(view, surface.points[k])
+    a, b, c = pixel_triangle(view, surface.points, surface.triangles, triangle)
     w = barycentric(a, b, c, float(column), float(row))
     normal = w[0] * surface.normals[i] + w[1] * surface.normals[j] + w[2] * surface.normals[k]
     # the flat triangle decides which side is seen; the smooth normal may waver at a silhouette

@@ -17,9 +17,9 @@ from warp_cloth.anatomy.levels import CHEST_RANGE, Level, trunk_level, trunk_lev
 from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, STEP, TRUNK, Skeleton, without_loose_parts
 from warp_cloth.anatomy.stance import ASTRIDE, STATURE, UPRIGHT, Bones, Stance, stance_of
 from warp_cloth.anatomy.tape import Plane, Tape, longest, part_of, shortest, tape_round
-from warp_cloth.base.curves import arc_lengths
+from warp_cloth.base.curves import arc_lengths, curve_point
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.base.section import convex_hull
+from warp_cloth.base.section import convex_hull, first_crossing
 
 # Where a girth is looked for, as fractions of the span from the fingertips or toes.
 WRISTS, ANKLES, CALVES = (0.09, 0.125), (0.12, 0.16), (0.17, 0.26)
@@ -260,7 +260,7 @@ class Figure:
         shin = self.limb(leg.number)
 
         def round_at(point: float, normal: Points) -> Tape | None:
-            return tape_round(*shin, _on(leg.curve, point), normal)
+            return tape_round(*shin, curve_point(leg.curve, point), normal)
 
         knee = round_at(leg.middle, leg.upper + leg.lower) if leg.bend < 60.0 else None
         reason = "the knee is bent by more than 60 degrees" if leg.bend >= 60.0 else "the leg is not closed there"
@@ -307,7 +307,7 @@ class Figure:
         part = self.limb(arm.number)
 
         def round_at(point: float, normal: Points) -> Tape | None:
-            return tape_round(*part, _on(arm.curve, point), normal)
+            return tape_round(*part, curve_point(arm.curve, point), normal)
 
         upper = round_at(UPPER_ARM / STEP - 0.5, arm.upper)
         elbow = round_at(arm.middle, arm.upper + arm.lower) if arm.bend < 60.0 else None
@@ -357,7 +357,7 @@ class Figure:
         nape = float(tape[np.argmin(tape[:, 2]), 1]) - NAPE_BELOW * self.stature
         plane = Plane(self.frame[0] * self.middle, self.frame[[2, 1]], self.frame[0])
         section = plane.section(self.body.points, self.body.triangles)
-        ends = [_first_crossing(section.ends, at) for at in (waist.height, nape)]
+        ends = [first_crossing(section.ends, at) for at in (waist.height, nape)]
         spots = section.ends.reshape(-1, 2)
         spots = spots[(spots[:, 1] >= waist.height) & (spots[:, 1] <= nape)]
         if any(end is None for end in ends):
@@ -374,22 +374,6 @@ class Figure:
             return _missing("stature", "the body does not stand upright")
         ends = np.array([[self.middle, height, self._depth] for height in (self.crown, self.floor)])
         return Measure("stature", self.stature, ends @ self.frame)
-
-
-def _first_crossing(segments: Floats, height: float) -> float | None:
-    """The least first coordinate at which segments, shape [S, 2, 2], have this second coordinate; None: nowhere."""
-    low, high = segments[:, 0], segments[:, 1]
-    across = (low[:, 1] < height) != (high[:, 1] < height)
-    low, high = low[across], high[across]
-    share = (height - low[:, 1]) / (high[:, 1] - low[:, 1])
-    found = low[:, 0] + share * (high[:, 0] - low[:, 0])
-    return float(found.min()) if len(found) else None
-
-
-def _on(curve: Points, point: float) -> Points:
-    """A point of a curve between two of its rows, by number [m], shape [3]."""
-    row = np.arange(len(curve))
-    return np.array([np.interp(point, row, curve[:, axis]) for axis in range(3)])
 
 
 def _points(within: tuple[float, float]) -> Floats:

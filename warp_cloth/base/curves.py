@@ -18,3 +18,9 @@ def resampled(curve: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     points = np.stack([np.interp(at, along, column) for column in curve.T], axis=1)
     points[0], points[-1] = curve[0], curve[-1]
     return points
+
+
+def curve_point(curve: NDArray[np.float64], at: float) -> NDArray[np.float64]:
+    """The point of a curve, shape [N, 3], at a number between two of its rows', shape [3]."""
+    row = np.arange(len(curve))
+    return np.array([np.interp(at, row, curve[:, axis]) for axis in range(3)])

@@ -99,3 +99,13 @@ def convex_girth(points: Points) -> float:
     """Length of a tape round 2-D points [m]: the perimeter of their convex hull."""
     hull = convex_hull(points)
     return sum(math.dist(p, q) for p, q in zip(hull, hull[1:] + hull[:1], strict=True))
+
+
+def first_crossing(segments: NDArray[np.float64], height: float) -> float | None:
+    """The least first coordinate at which segments, shape [S, 2, 2], have this second coordinate; None: nowhere."""
+    low, high = segments[:, 0], segments[:, 1]
+    across = (low[:, 1] < height) != (high[:, 1] < height)
+    low, high = low[across], high[across]
+    share = (height - low[:, 1]) / (high[:, 1] - low[:, 1])
+    found = low[:, 0] + share * (high[:, 0] - low[:, 0])
+    return float(found.min()) if len(found) else None

@@ -16,8 +16,7 @@ from warp_cloth.contact.leaf_order import sheet_order
 from warp_cloth.contact.rest_neighbours import rest_near_rows
 from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.garment.garment import Garment
-from warp_cloth.kernels.base.options import FabricField
-from warp_cloth.kernels.contact.arrays import NEXT_ITERATION, NO_LIMIT, REGIONS, ContactData
+from warp_cloth.kernels.contact.arrays import NEXT_ITERATION, NO_LIMIT, REGIONS, ContactData, ContactFabric
 from warp_cloth.kernels.contact.search import ContactSearch
 from warp_cloth.model.permutation import Permutation
 
@@ -40,17 +39,6 @@ def thicknesses(kinds: Sequence[SheetKind]) -> NDArray[np.float64]:
     return np.array([max(kind.thickness, LEAST_THICKNESS) for kind in kinds])
 
 
-def packed_fabric(
-    thickness: NDArray[np.float64], squeeze_modulus: NDArray[np.float64], friction: NDArray[np.float64]
-) -> NDArray[np.float32]:
-    """Fabrics as kernels.contact.arrays unpacked_fabric reads them, shape [N, 4]."""
-    fabric = np.zeros((len(thickness), len(FabricField)), dtype=np.float32)
-    fabric[:, FabricField.THICKNESS] = thickness
-    fabric[:, FabricField.SQUEEZE_MODULUS] = squeeze_modulus
-    fabric[:, FabricField.FRICTION] = friction
-    return fabric
-
-
 def contact_arrays(
     sheets: Sheets,
     garments: Sequence[Garment],
@@ -65,11 +53,13 @@ def contact_arrays(
     count, thickness = sheets.vertex_count, thicknesses(kinds)
     area = np.array([garment.rest.area / len(garment.points) for garment in garments])
     data = ContactData()
-    squeeze_modulus = HALVING_PRESSURE * area / (FORCE_AT_HALF * thickness)
-    friction = np.array([kind.friction for kind in kinds])
-    fabric = permutation.rows(per_vertex(sheets, packed_fabric(thickness, squeeze_modulus, friction)))
-    data.model.thickness = wp.array(fabric[:, FabricField.THICKNESS], dtype=wp.float32)
-    data.model.fabric = wp.array(fabric, dtype=wp.vec4f)
+    of_garment = np.zeros(len(kinds), dtype=ContactFabric.numpy_dtype())
+    of_garment["thickness"] = thickness
+    of_garment["squeeze_modulus"] = HALVING_PRESSURE * area / (FORCE_AT_HALF * thickness)
+    of_garment["friction"] = [kind.friction for kind in kinds]
+    fabric = permutation.rows(per_vertex(sheets, of_garment))
+    data.model.thickness = wp.array(fabric["thickness"], dtype=wp.float32)
+    data.model.fabric = wp.array(fabric, dtype=ContactFabric)
     data.model.thickest = float(thickness.max())
     data.model.least_skin, data.model.most_skin = skins
     data.model.active_margin = data.model.active_distance = np.inf  # asleep

@@ -1,1 +1,1 @@
-"""A garment on the host: its rest shape, grain, folds, pins and reach, from a checked scene to what a model needs."""
+"""A garment on the host: its rest shape, grain, folds, pins, confines, from a checked scene to what a model needs."""

@@ -222,12 +222,12 @@ def yarn_stretches(warp: float, weft: float, shear: float, compression: float) -
     8 shear / (1 + c). Pulled by e with its sides free, the cloth contracts by t e where that costs least, and bears
     K_warp + 2 K_b ((1 - t) / 2)^3 + c t^3 K_weft in all.
     """
-    bias = 8.0 * shear / (1.0 + compression)
+    shear_yarn = 8.0 * shear / (1.0 + compression)
     own = np.array([warp, weft])
     for _ in range(EQUAL_ROUNDS):
         resisted = compression * own[::-1]
-        least = LEAST_RESISTED * bias + np.finfo(float).tiny
-        ratio = np.sqrt(bias / np.maximum(4.0 * resisted, least))
+        least = LEAST_RESISTED * shear_yarn + np.finfo(float).tiny
+        ratio = np.sqrt(shear_yarn / np.maximum(4.0 * resisted, least))
         t = np.where(resisted > 0.0, ratio / (1.0 + ratio), 1.0)
-        own = np.array([warp, weft]) - 2.0 * bias * (0.5 * (1.0 - t)) ** 3 - resisted * t**3
-    return YarnStretches(float(own[0]), float(own[1]), bias)
+        own = np.array([warp, weft]) - 2.0 * shear_yarn * (0.5 * (1.0 - t)) ** 3 - resisted * t**3
+    return YarnStretches(float(own[0]), float(own[1]), shear_yarn)

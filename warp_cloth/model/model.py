@@ -131,15 +131,7 @@ def build_model(
     vertex_start = _starts([len(garment.points) for garment in garments])
     rests = [garment.rest for garment in garments]
     cache = cache or Cache()
-    wound = cache.get_or_make_each(
-        "winding", [(garment.triangles, garment.rest.topology) for garment in garments], winding_of
-    )
-    sources = [(garment.triangles, garment.rest, winding) for garment, winding in zip(garments, wound, strict=True)]
-    elements = cache.get_or_make_each("elements", sources, garment_elements)
-    real = wp.dtype_to_numpy(types.real)
-    rounded = cache.get_or_make_each(
-        "rounded elements", [(each,) for each in elements], partial(elements_of, real=real), precision
-    )
+    elements, rounded = _elements(garments, precision, cache)
     terms = terms_of(garments)
     upload = partial(upload_concatenated, device=device)
 
@@ -176,6 +168,16 @@ def build_model(
         patches=patches,
         garments=tuple(elements),
     )
+
+
+def _elements(garments: Sequence[Garment], precision: str, cache: Cache) -> tuple[list[Elements], list[Elements]]:
+    """Edges and triangles of each garment, in float64 and as the device has them."""
+    topologies = [(garment.triangles, garment.rest.topology) for garment in garments]
+    wound = cache.get_or_make_each("winding", topologies, winding_of)
+    sources = [(garment.triangles, garment.rest, winding) for garment, winding in zip(garments, wound, strict=True)]
+    elements = cache.get_or_make_each("elements", sources, garment_elements)
+    round_to = partial(elements_of, real=wp.dtype_to_numpy(cloth_types(precision).real))
+    return elements, cache.get_or_make_each("rounded elements", [(each,) for each in elements], round_to, precision)
 
 
 def _edges(

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_cloth.garment.confines import confining_box
 from warp_cloth.garment.garment import terms_of
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.garment.reach import reach_box
 from warp_cloth.scene import Scene
 
 
@@ -77,12 +77,12 @@ def _may_touch(scene: Scene, outfit: Outfit) -> bool:
         return False
     if scene.collision.cloth is True:  # layers push one another apart, by a distance that no energy bounds
         return True
-    gap = scene.collision.offset
+    offset = scene.collision.offset
     boxes = [outfit.avatar.bounds(), *((pose.min(axis=0), pose.max(axis=0)) for pose in outfit.poses)]
     low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
     for garment in outfit.garments:
-        apart = (garment.box[0] > high + gap) | (garment.box[1] < low - gap)
-        box = reach_box(garment) if apart.any() else None
-        if box is None or not ((box[0] > high + gap) | (box[1] < low - gap)).any():
+        apart = (garment.box[0] > high + offset) | (garment.box[1] < low - offset)
+        box = confining_box(garment) if apart.any() else None
+        if box is None or not ((box[0] > high + offset) | (box[1] < low - offset)).any():
             return True
     return False

@@ -38,10 +38,10 @@ class AnisotropicStep:
         packed: bool = False,
         active_set: ActiveSet | None = None,
     ) -> None:
-        """``permutation``: of the vertices of the cloth that is looked at; None: the model's own.
+        """``permutation``: of the vertices of the cloth whose compliance it updates; None: the model's own.
 
         ``packed``: whether its positions and compliances are packed (kernels.patches.packing). ``active_set``: what is
-        looked at where it is not scattered; None: all.
+        updated where it is not scattered; None: all.
         """
         self._model, types = model, cloth_types(model.precision)
         compliance = model.state.compliance
@@ -59,18 +59,18 @@ class AnisotropicStep:
         terms = model.terms
         scatters = model.patches is None and terms.yarns and not (terms.edges or terms.angles)
         packets = scatters and takes_packets(model, min(model.triangle_count, model.edge_count))
-        self._look: _Gathered | ScatteredLook = (
-            ScatteredLook(model) if packets else _Gathered(model, permutation, packed, active_set)
+        self._update: _GatheredUpdate | ScatteredUpdate = (
+            ScatteredUpdate(model) if packets else _GatheredUpdate(model, permutation, packed, active_set)
         )
 
     def kernels(self) -> list[wp.Kernel]:
-        """The kernels that a look launches, in order."""
-        return self._look.kernels()
+        """The kernels that an update launches, in order."""
+        return self._update.kernels()
 
     @property
     def scatters(self) -> bool:
-        """Whether a look adds to vertices triangle by triangle, which can be shared out."""
-        return isinstance(self._look, ScatteredLook)
+        """Whether an update adds to vertices triangle by triangle, which can be shared out."""
+        return isinstance(self._update, ScatteredUpdate)
 
     def forget(self, items: Sequence[int]) -> None:
         """Makes the steps of these items' vertices isotropic until the next update."""
@@ -79,13 +79,13 @@ class AnisotropicStep:
             for part, none in self._none if len(run) else []:
                 part[starts[run[0]] : starts[run[-1] + 1]].fill_(none)
 
-    def look_up(self, vertices: Any, state: Any, step: Any) -> None:
-        """Launches a look at the cloth as it lies; a Model, a State and a Step of kernels.base.types."""
-        self._look.launch(vertices, state, step)
+    def update(self, vertices: Any, state: Any, step: Any) -> None:
+        """Updates the compliance of the cloth as it lies; a Model, a State and a Step of kernels.base.types."""
+        self._update.launch(vertices, state, step)
 
 
-class _Gathered:
-    """A look that sums at each vertex what bounds its step."""
+class _GatheredUpdate:
+    """An update that sums at each vertex what bounds its step."""
 
     def __init__(
         self,
@@ -160,7 +160,7 @@ class _Gathered:
     def launch(self, vertices: Any, state: Any, step: Any) -> None:
         device, active_set = self._model.device, self._active_set
         if self._normals is not None:
-            self._normals.launch(vertices, state, step, self._triangles)
+            self._normals.launch(vertices, state, self._triangles)
             edges = active_set.edges
             read = [vertices, state, edges.groups, self._edges, self._normals.normal, step, self._bound]
             wp.launch(self._kernels.bound_folds, dim=edges.size, inputs=read, device=device)
@@ -169,8 +169,8 @@ class _Gathered:
         wp.launch(self._kernels.find_compliance, dim=some.size, inputs=read, device=device)
 
 
-class ScatteredLook:
-    """A look at woven cloth, or a ``span`` of it, that adds eight triangles' bounds at a time to their corners'."""
+class ScatteredUpdate:
+    """An update of woven cloth, or a ``span`` of it, that adds eight triangles' bounds at a time to their corners'."""
 
     def __init__(self, model: ClothModel, span: slice = slice(None)) -> None:
         types, terms = cloth_types(model.precision), model.terms
@@ -192,12 +192,12 @@ class ScatteredLook:
         """Launches it; ``own``: Model and State of the span alone, where that is not all."""
         model, device, kernels = self._model, self._model.device, self._kernels
         if self._normals is not None:
-            self._normals.launch(vertices, state, step)
-            asked = [vertices, state, model.edges, self._normals.normal, step, self._fold, self._bounds[0]]
-            wp.launch(self._edges, dim=pass_size(model.edge_count, True), inputs=asked, device=device)
+            self._normals.launch(vertices, state)
+            inputs = [vertices, state, model.edges, self._normals.normal, step, self._fold, self._bounds[0]]
+            wp.launch(self._edges, dim=pass_size(model.edge_count, True), inputs=inputs, device=device)
         (own_vertices, own_state), count = own or (vertices, state), len(self._own_bounds[0])
         begun = [own_vertices, *self._own_bounds]
         wp.launch(kernels.begin_bounds, dim=count, inputs=begun, device=device)
-        asked = [vertices, state, model.triangles, self._fold, step, *self._bounds]
-        wp.launch(kernels.sum_bounds, dim=pass_size(model.triangle_count, True), inputs=asked, device=device)
+        inputs = [vertices, state, model.triangles, self._fold, step, *self._bounds]
+        wp.launch(kernels.sum_bounds, dim=pass_size(model.triangle_count, True), inputs=inputs, device=device)
         wp.launch(kernels.take_bounds, dim=count, inputs=[own_vertices, own_state, *self._own_bounds], device=device)

@@ -39,14 +39,10 @@ class NormalsPass:
         """Threads that it takes."""
         return pass_size(self._model.triangle_count, True) if self._packets else self._some.size
 
-    @property
-    def asks(self) -> list[Any]:
-        """What the kernel takes at last."""
-        return [self.normal, self.sides] if self._packets else [self._some.groups, self.normal]
-
-    def launch(self, vertices: Any, state: Any, step: Any, triangles: Any = None) -> None:
-        """Launches it; a Model, a State and a Step of base.types, and their triangles, or the model's."""
-        inputs = [vertices, state, triangles or self._model.triangles, step, *self.asks]
+    def launch(self, vertices: Any, state: Any, triangles: Any = None) -> None:
+        """Launches it; a Model and a State of base.types, and their triangles, or the model's."""
+        written = [self.normal, self.sides] if self._packets else [self._some.groups, self.normal]
+        inputs = [vertices, state, triangles or self._model.triangles, *written]
         wp.launch(self.kernel, dim=self.size, inputs=inputs, device=self._model.device)
 
 
@@ -59,20 +55,14 @@ class ForcePass:
     def __init__(self, model: ClothModel, accumulate: Accumulate, load: wp.array) -> None:
         self._model = model
         types, terms = cloth_types(model.precision), model.terms
+        self._normals: NormalsPass | None = None  # which goes first
         self._passes: list[tuple[wp.Kernel, int, list[Any], list[Any]]] = []  # kernel, size, reads, writes
         if model.patches is not None:
             read = [model.patches.tables, model.patches.overflow]
             options = KernelOptions(
                 model.precision, terms, accumulate, fits=model.patches.fits, paired=model.patches.paired
             )
-            self._passes.append(
-                (
-                    gather_kernel(options),
-                    0,
-                    read,
-                    [load],
-                )
-            )
+            self._passes.append((gather_kernel(options), 0, read, [load]))
             return
         edges, triangles = model.edge_count, model.triangle_count
         normal, sides = wp.empty(0, dtype=types.vec4), wp.empty(0, dtype=lane_types(types.real, WIDTH).vec3)
@@ -80,9 +70,8 @@ class ForcePass:
         fold = wp.empty(edges if terms.folds else 0, dtype=types.vec4, device=model.device)
         asked = model.precision, accumulate, terms
         if terms.folds:
-            first = NormalsPass(model)
-            normal, sides = first.normal, first.sides
-            self._passes.append((first.kernel, first.size, [model.triangles], first.asks))
+            self._normals = NormalsPass(model)
+            normal, sides = self._normals.normal, self._normals.sides
         iterates = accumulate.is_bound
         if terms.edges or terms.folds:
             packets = iterates and not terms.angles and takes_packets(model, edges)
@@ -96,11 +85,14 @@ class ForcePass:
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a pass launches, in order."""
-        return [entry[0] for entry in self._passes]
+        first = [] if self._normals is None else [self._normals.kernel]
+        return [*first, *(entry[0] for entry in self._passes)]
 
     def launch(self, step: Any) -> None:
         """Launches the pass; ``step`` is a kernels.base.types Step."""
         model = self._model
+        if self._normals is not None:
+            self._normals.launch(model.vertices, model.state)
         for kernel, size, read, written in self._passes:
             inputs = [model.vertices, model.state, *read, step, *written]
             if model.patches is not None:

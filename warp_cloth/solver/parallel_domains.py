@@ -16,7 +16,7 @@ from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.passes.domains import APART, NAP, domain_kernels, meet_threads
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.anisotropic_step import AnisotropicStep, ScatteredLook
+from warp_cloth.solver.anisotropic_step import AnisotropicStep, ScatteredUpdate
 from warp_cloth.solver.domains import Domain, cut_model
 from warp_cloth.solver.forces import ForcePass, pass_size
 
@@ -49,9 +49,9 @@ class ParallelDomains:
         anisotropic_step: AnisotropicStep | None,
     ) -> None:
         self._model, self._move, self._anisotropic_step = model, move, anisotropic_step
-        looks = anisotropic_step is not None and anisotropic_step.scatters
+        updates = anisotropic_step is not None and anisotropic_step.scatters
         self._kernels = domain_kernels(model.precision)
-        self._domains = [_Working(domain, accumulate, looks=looks) for domain in cut_model(model, count)]
+        self._domains = [_Working(domain, accumulate, updates=updates) for domain in cut_model(model, count)]
         self._arrivals = wp.zeros(APART * (1 + count), dtype=wp.int32, device=model.device)
         self._usleep = ctypes.cast(ctypes.CDLL(None).usleep, ctypes.c_void_p).value
         self._pool = concurrent.futures.ThreadPoolExecutor(count - 1)
@@ -65,7 +65,7 @@ class ParallelDomains:
         return len(self._domains)
 
     @property
-    def looks_first(self) -> bool:
+    def updates_first(self) -> bool:
         """Whether compliances are updated by one thread, before a burst of iterations only."""
         return self._anisotropic_step is not None and not self._anisotropic_step.scatters
 
@@ -73,30 +73,30 @@ class ParallelDomains:
         """The kernels that a burst launches besides those of one thread."""
         return [self._kernels.gather_domain, meet_threads, self._kernels.scatter_domain]
 
-    def capture(self, step: Any, collider_data: Any, looks: Sequence[bool]) -> list[Any]:
-        """A graph of iterations for every domain; ``looks``: before which of them compliances are updated."""
+    def capture(self, step: Any, collider_data: Any, updates: Sequence[bool]) -> list[Any]:
+        """A graph of iterations for every domain; ``updates``: before which of them compliances are updated."""
         graphs = []
         for number in range(self.count):
             with wp.ScopedCapture(device=self._model.device) as capture:
-                self._iterate(number, step, collider_data, looks)
+                self._iterate(number, step, collider_data, updates)
             graphs.append(capture.graph)
         return graphs
 
-    def _iterate(self, number: int, step: Any, collider_data: Any, looks: Sequence[bool]) -> None:
+    def _iterate(self, number: int, step: Any, collider_data: Any, updates: Sequence[bool]) -> None:
         """Launches iterations of a domain."""
         working, model, device = self._domains[number], self._model, self._model.device
         domain, size = working.domain, len(working.domain.order)
         gathered, scattered = [model.state, domain.order, domain.state], [domain.state, domain.order, model.state]
-        if self.looks_first and looks[0]:
+        if self.updates_first and updates[0]:
             if self._anisotropic_step is not None and number == 0:
-                self._anisotropic_step.look_up(model.vertices, model.state, step)
+                self._anisotropic_step.update(model.vertices, model.state, step)
             self._meet(number)
         wp.launch(self._kernels.gather_domain, dim=size, inputs=gathered, device=device)
         self._meet(number)
-        for look in looks:
-            if look and working.look is not None:
+        for updates_now in updates:
+            if updates_now and working.update is not None:
                 whole = domain.model.vertices, domain.model.state, step
-                working.look.launch(*whole, (domain.vertices, domain.state))
+                working.update.launch(*whole, (domain.vertices, domain.state))
             working.forces.launch(step)
             self._meet(number)
             inputs = [domain.vertices, domain.state, step, collider_data, working.load]
@@ -179,10 +179,10 @@ class Pause:
 class _Working:
     """What a thread needs to iterate its domain."""
 
-    def __init__(self, domain: Domain, accumulate: Accumulate, *, looks: bool) -> None:
+    def __init__(self, domain: Domain, accumulate: Accumulate, *, updates: bool) -> None:
         model = domain.model
         load = wp.zeros(model.vertex_count, dtype=cloth_types(model.precision).vec4, device=model.device)
         self.domain = domain
         self.load = load[domain.span]
         self.forces = ForcePass(model, accumulate, load)
-        self.look = ScatteredLook(model, domain.span) if looks else None
+        self.update = ScatteredUpdate(model, domain.span) if updates else None

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.kernels.base.options import KernelOptions
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.passes.move import advance_kernel, displace_kernel, presses_along
+from warp_cloth.kernels.passes.advance import advance_kernel, fuses_contact
+from warp_cloth.kernels.passes.move import displace_kernel
 from warp_cloth.kernels.passes.move_packets import packet_displace_kernel
 from warp_cloth.kernels.passes.step import NoClothContact, NoCollider, accumulated, saves_queries
 from warp_cloth.model.model import ClothModel
@@ -49,6 +50,7 @@ class Relaxation:
     ) -> None:
         self.model, self.cloth_contact = model, cloth_contact
         of_items = [colliders] * model.item_count if isinstance(colliders, Collider) else list(colliders)
+        self._colliders = of_items  # keeps the arrays that ``collider_data`` refers to
         self.avatar_contact, self.collider_type = of_items[0].avatar_contact, of_items[0].data_type or NoCollider
         self.step = build_step(options, model.precision)
         self._anisotropy_limit, self._loose, self._renewal = options.anisotropy_limit, options.loose, options.renewal
@@ -71,7 +73,7 @@ class Relaxation:
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
         self._packets = False  # whether a packet of vertices is moved at a time
-        self._presses_along = presses_along(kernel_options) and model.patches is not None
+        self._fuses_contact = fuses_contact(kernel_options) and model.patches is not None
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             self._move = advance_kernel(kernel_options)
             packed = cloth_contact is None
@@ -136,6 +138,7 @@ class Relaxation:
     def set_collider(self, item: int, collider: Collider) -> None:
         """Replaces an item's collider by another one of the same kind."""
         self.model.forget_clearance(item)
+        self._colliders[item] = collider
         if self.avatar_contact is not None:
             data = wp.array([collider.data], dtype=self.collider_type, device=self.model.device)
             wp.copy(self.collider_data, data, dest_offset=item, count=1)
@@ -143,7 +146,7 @@ class Relaxation:
     def update_anisotropy(self, relative_rms: NDArray[np.float64]) -> None:
         """Lets worn items whose forces have balanced take anisotropic steps, others not; tells cloth on cloth, too.
 
-        To be told after a look at all items, that many iterations later on every device.
+        To be told after a check of all items, that many iterations later on every device.
 
         Args:
             relative_rms: of the items' residuals, shape [items].
@@ -242,7 +245,7 @@ class Relaxation:
         if self.cloth_contact is not None and self.cloth_contact.awake:
             if iteration % self.cloth_contact.check_interval == 0:
                 self.cloth_contact.search_where_due(state)
-            if not self._presses_along:
+            if not self._fuses_contact:
                 self.cloth_contact.add_forces(self.step, state)
 
     def _update_compliance(self, state: Any) -> None:
@@ -253,7 +256,7 @@ class Relaxation:
             and self._done % self._renewal == 0
         ):
             vertices = self.model.vertices if self._packed is None else self._packed.vertices
-            self._anisotropic_step.look_up(vertices, state, self.step)
+            self._anisotropic_step.update(vertices, state, self.step)
         self._done += 1
 
     def iterate(self, count: int = 1) -> None:
@@ -296,7 +299,7 @@ class Relaxation:
         """Compliance, and contact of cloth with cloth, before an iteration; how many blocks are to press meanwhile."""
         self._update_compliance(state)
         self._add_contact_forces(iteration, state)
-        if self.cloth_contact is None or self.model.patches is None or not self._presses_along:
+        if self.cloth_contact is None or self.model.patches is None or not self._fuses_contact:
             return 0
         return self.cloth_contact.divide_blocks(self.model.patches.count)
 
@@ -322,7 +325,7 @@ class Relaxation:
             self._done += iterations
             return
         while iterations > 0:
-            part = min(iterations, self._renewal - self._done % self._renewal) if together.looks_first else iterations
+            part = min(iterations, self._renewal - self._done % self._renewal) if together.updates_first else iterations
             together.run(self._captured_shares(together, part))
             self._done += part
             iterations -= part
@@ -337,8 +340,8 @@ class Relaxation:
         which = iterations, self._done % self._renewal
         if which not in self._shares_graphs:
             loose = bool(self._items["anisotropy_limit"].any())
-            looks = [loose and (self._done + number) % self._renewal == 0 for number in range(iterations)]
-            self._shares_graphs[which] = together.capture(self.step, self.collider_data, looks)
+            updates = [loose and (self._done + number) % self._renewal == 0 for number in range(iterations)]
+            self._shares_graphs[which] = together.capture(self.step, self.collider_data, updates)
         return self._shares_graphs[which]
 
     def _whole(self, shown: bool) -> bool:

@@ -75,10 +75,10 @@ def packed_bits(numbers: Keys, bits: int) -> NDArray[np.uint64]:
     return np.bitwise_or.reduce(numbers.astype(np.uint64) << shifts, axis=1)
 
 
-class Chunk:
+class Portion:
     """Some of a garment's patches: their vertices, and where these are in the flattened ends and corners.
 
-    ``owner`` and ``lane`` of all the garment's vertices are shared with the other chunks, which write other vertices.
+    ``owner`` and ``lane`` of all the garment's vertices are shared with the other portions, which write other vertices.
     """
 
     def __init__(self, groups: list[Indices], base: int, owner: Keys, lane: Keys, ends: Keys, corners: Keys) -> None:
@@ -92,7 +92,7 @@ class Chunk:
         self._owner, self._lane, self._base = owner, lane, base
 
     def owner(self, vertices: Numbers) -> Keys:
-        """The patch of this chunk that owns each vertex; no valid number where another chunk has it."""
+        """The patch of this portion that owns each vertex; no valid number where another portion has it."""
         return self._owner[vertices] - self._base
 
     def lane(self, patch: Keys, vertices: Numbers) -> Keys:

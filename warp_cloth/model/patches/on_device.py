@@ -17,14 +17,9 @@ from warp_cloth.base.threads import concatenate
 from warp_cloth.garment.elements import Elements
 from warp_cloth.kernels.base.options import FEW, Terms, block_for
 from warp_cloth.kernels.base.types import Patch
-from warp_cloth.model.patches.cutting import (
-    PatchTables,
-    beyond_bits,
-    even_size,
-    garment_patches,
-    joined_rows,
-    takes_pairs,
-)
+from warp_cloth.model.patches.block_memory import beyond_bits
+from warp_cloth.model.patches.cutting import even_size, garment_patches, joined_rows, takes_pairs
+from warp_cloth.model.patches.tables import PatchTables
 from warp_cloth.model.patches.tiles import with_constants
 from warp_cloth.model.permutation import Permutation
 from warp_cloth.model.upload import upload_concatenated

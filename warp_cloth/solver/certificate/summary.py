@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from warp_cloth.garment.rest import Floats
 from warp_cloth.kernels.certificate.summary import (
-    CHUNK,
     COLUMNS,
     GROUP,
+    SLICE,
     shapes_type,
-    summarise_chunks_kernel,
     summarise_groups,
+    summarise_slices_kernel,
 )
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.active_set import ActiveSet
@@ -42,13 +42,13 @@ class Summary:
 
     def __init__(self, model: ClothModel, active_set: ActiveSet) -> None:
         self._model = model
-        self._summarise_chunks = summarise_chunks_kernel(model.precision)
+        self._summarise_slices = summarise_slices_kernel(model.precision)
         self.shapes_type = shapes_type(model.precision)
-        starts = [np.arange(first, end, CHUNK) for first, end in itertools.pairwise(model.item_start)]
+        starts = [np.arange(first, end, SLICE) for first, end in itertools.pairwise(model.item_start)]
         counts = np.array([len(each) for each in starts])
         first = np.concatenate([*starts, [model.vertex_count]])
         self._first_vertex = wp.array(first, dtype=wp.int32, device=model.device)
-        self._active_chunks = active_set.add(np.cumsum([0, *counts]).tolist())
+        self._active_slices = active_set.add(np.cumsum([0, *counts]).tolist())
         self._sums = self._rows(len(first) - 1)
         self._levels: list[tuple[wp.array, wp.array]] = []  # first rows of each group, and the groups' sums
         while not self._levels or counts.max() > 1:
@@ -65,7 +65,7 @@ class Summary:
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a request launches."""
-        return [self._summarise_chunks, summarise_groups]
+        return [self._summarise_slices, summarise_groups]
 
     def request(self, residual: wp.array, shapes: Any) -> PendingFigures:
         """Figures of all selected items as they are now; of those that do not iterate, the last ones.
@@ -75,9 +75,9 @@ class Summary:
             shapes: of ``shapes_type``, to compare with.
         """
         model, device = self._model, self._model.device
-        inputs = [self._active_chunks.groups, self._first_vertex, residual, shapes, self._sums]
+        inputs = [self._active_slices.groups, self._first_vertex, residual, shapes, self._sums]
         inputs = [model.vertices, model.state, *inputs]
-        wp.launch(self._summarise_chunks, dim=self._active_chunks.size, inputs=inputs, device=device)
+        wp.launch(self._summarise_slices, dim=self._active_slices.size, inputs=inputs, device=device)
         sums = self._sums
         for first, groups in self._levels:
             wp.launch(summarise_groups, dim=groups.shape, inputs=[first, sums, groups], device=device)

@@ -1,4 +1,4 @@
-"""A bound on the reach of a pinned garment, by its energy: where it cannot get, contact need not be computed."""
+"""The box that a pinned garment cannot leave, by its energy: with an avatar outside it contact need not be computed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROUNDS = 40  # of raising the energy bound until it is consistent
 MOST_STEPS = 400  # edges on a path from a pin; a bound is not worth more work
 
 
-def reach_box(garment: Garment) -> tuple[Floats, Floats] | None:
+def confining_box(garment: Garment) -> tuple[Floats, Floats] | None:
     """Lowest and highest corner [m], each shape [3], of a box that the garment cannot leave; None without a proof.
 
     An edge or yarn of energy k/3 |e|^3 has a strain of (3 E / k)^(1/3) at most, E the total elastic energy: that of
