@@ -15,7 +15,8 @@ import pytest
 
 from warp_cloth.avatar.contact import AvatarContact, ContactOptions
 from warp_cloth.base import disk_cache as cache_module
-from warp_cloth.base.disk_cache import ENDING, FOLDER, HALF, DiskCache, Entry, disk_cache, key_of
+from warp_cloth.base.disk_cache import ENDING, HALF, DiskCache, Entry, disk_cache, key_of
+from warp_cloth.base.first_run import FOLDER
 from warp_cloth.base.kernel_hashes import share_hashes
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.stored_mesh import stored_mesh

@@ -25,10 +25,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.first_run import cache_folder
 from warp_cloth.base.threads import ONE_THREAD
 
-FOLDER = "WARP_CLOTH_CACHE"  # environment variable
-OFF = ("off", "0", "no", "none", "false")
 LIMIT = 1 << 29  # [bytes] of all entries: about 50 bodies with their contact fields
 LARGEST = 1 / 8  # of that, which an entry may take
 LEAST = 1 << 12  # [bytes] that an entry counts at least: what a file takes on most disks
@@ -116,24 +115,7 @@ class DiskCache:
 
 def disk_cache() -> DiskCache:
     """The user's cache. Processes of a batch read it only: what they derive is seldom wanted again."""
-    named = os.environ.get(FOLDER, "")
-    if named.lower() in OFF:
-        return DiskCache(None)
-    return DiskCache(Path(named) if named else user_folder(), writes=ONE_THREAD not in os.environ)
-
-
-def user_folder() -> Path | None:
-    """Where this user's caches are on this system; None where that is not known."""
-    try:
-        if sys.platform == "win32":
-            base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-        elif sys.platform == "darwin":
-            base = Path.home() / "Library" / "Caches"
-        else:
-            base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    except RuntimeError:  # a user without a home
-        return None
-    return base / "warp_cloth" if base.is_absolute() else None
+    return DiskCache(cache_folder(), writes=ONE_THREAD not in os.environ)
 
 
 def key_of(name: str, packages: tuple[str, ...], *parts: Any) -> str:

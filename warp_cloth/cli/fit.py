@@ -19,6 +19,7 @@ import typer
 from warp_cloth.base.clock import command_clock
 from warp_cloth.base.collector import what_stays
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.first_run import FIRST_RUN, is_first_run
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device, FabricName, On
 from warp_cloth.cli.terminal import BAD_INPUT, one_line_errors, output_folder
@@ -74,6 +75,8 @@ def fit(
     """
     with one_line_errors("on", "fabric"):
         clock = command_clock()
+        if is_first_run(device):
+            print(FIRST_RUN, file=sys.stderr, flush=True)  # before what is imported takes its time
         with what_stays():
             from warp_cloth.export.formats import check_inputs_kept, chosen_formats
             from warp_cloth.maps.kinds import chosen_colour, chosen_maps

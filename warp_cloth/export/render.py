@@ -11,8 +11,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.base.compiling import load_modules
 from warp_cloth.base.mesh import Mesh, vertex_normals
-from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear, winds_outward
 from warp_cloth.export.taps import OCCLUSION_STEPS, occlusion_taps, shadow_taps
 from warp_cloth.kernels.avatar.raster import View, draw_depth, draw_triangle_ids
@@ -88,9 +88,12 @@ def build_subject(garments: Sequence[WornGarment], avatar: Mesh | None, device: 
 
 def load_kernels(device: str) -> None:
     """Loads the picture's kernels: two threads must not load one module at the same time."""
-    kernels = draw_depth, draw_triangle_ids, sample_surface, cast_shadows, light_pixels
-    with keeping_kernels():
-        wp.force_load(device, modules=list({kernel.module: None for kernel in kernels}), max_workers=0)
+    load_modules(picture_modules(), device)
+
+
+def picture_modules() -> list[wp.Module]:
+    """The kernel modules of a picture."""
+    return [kernel.module for kernel in (draw_depth, draw_triangle_ids, sample_surface, cast_shadows, light_pixels)]
 
 
 def shading_of(points: Vector, triangles: NDArray[np.int32], inside: float) -> Appearance:
