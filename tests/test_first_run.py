@@ -11,6 +11,9 @@ import pytest
 
 import warp_cloth
 from warp_cloth.base.first_run import FOLDER, is_first_run, kernels_known, note_kernels
+from warp_cloth.cli.warm_up import warm_up
+from warp_cloth.fitting import warm_up as warming
+from warp_cloth.scene import load_scene
 
 FIT = """
 import json, os, sys, threading
@@ -74,3 +77,22 @@ def test_a_fit_notes_its_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv(FOLDER, str(tmp_path))
     warp_cloth.fit("hanging", device="cpu", overrides=["garment.shape.vertices_per_side=9", "solver.iterations=20"])
     assert kernels_known("cpu")
+
+
+def test_warm_up_leaves_the_kernels_and_says_where(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    small = ("garment.shape.vertices_per_side=9",)
+    monkeypatch.setattr(warming, "KINDS", (("hanging", small), ("hanging", (*small, "solver.method=multilevel"))))
+    warm_up(device="cpu")
+    assert kernels_known("cpu")
+    written = capsys.readouterr()
+    assert written.out.startswith("cpu is ready")
+    assert str(tmp_path) in written.out
+    assert "multilevel" in written.err
+
+
+def test_every_usual_kind_can_be_loaded() -> None:
+    for scene, changes in warming.KINDS:
+        load_scene(scene, (*changes, warming.ITERATIONS))

@@ -159,9 +159,7 @@ def load_problem(
     arguments are those of ``build_problem``.
     """
     clock = clock or StageClock()
-    clock.begin("compile")
-    _compile_ahead(scene, device)
-    clock.lap("compile")
+    _compile_ahead(scene, device, clock)
     clock.begin("load")
     outfit = load_outfit(scene, mesh_cache)
     clock.lap("load")
@@ -362,16 +360,18 @@ def _avatar_contacts(
     return contacts, colliders
 
 
-def _compile_ahead(scene: Scene, device: str) -> None:
+def _compile_ahead(scene: Scene, device: str, clock: StageClock) -> None:
     """On a machine that has no kernels yet, compiles those that are launched before and after iterating, all at once.
 
     Where they are launched one is compiled after another.
     """
     if wp.get_device(device).is_cuda or kernels_known(device):
         return
+    clock.begin("compile")
     own = [] if scene.avatar is None else [wp.get_module(geodesics.__name__), *avatar_modules("depth")]
     with keeping_kernels():
         compile_for_cpu([*own, wp.get_module(crossing.__name__), *picture_modules()])
+    clock.lap("compile")
 
 
 def _avatar_contact(scene: Scene, outfit: Outfit, device: str, cache: Cache) -> AvatarContact:
