@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from importlib import import_module
 from pathlib import Path
@@ -91,14 +92,15 @@ def fit(
         with output_folder(out, chosen.name):
             with what_stays():
                 from warp_cloth.fitting.fit import fit as run
-
-                import_module("warp_cloth.export.save")  # Fit.save would import it later, in no stage of its own
             with _display() as display:
                 clock.lap("import")
                 start_warp(verbose)
                 clock.lap("warp")
-                all_maps = (*map_names, colour_map)
-                worn = run(chosen, device=device, frames=frames, maps=all_maps, start=start, progress=display)
+                all_maps, export = (*map_names, colour_map), _Meanwhile("warp_cloth.export.save", display)
+                worn = run(chosen, device=device, frames=frames, maps=all_maps, start=start, progress=export)
+                clock.restart()
+                export.wait()
+                clock.lap("import")
                 clock.add_to(worn.report.setdefault("seconds", {}))
                 worn.report["made"] = {"command": shlex.join(["warp-cloth", *sys.argv[1:]]), "date": _now()}
                 display.begin("export")
@@ -107,6 +109,26 @@ def fit(
         typer.echo(line)
     if not worn.worn:
         raise typer.Exit(NOT_WORN)
+
+
+class _Meanwhile:
+    """Imports a module while the fit relaxes, which leaves Python alone; passes its progress on."""
+
+    def __init__(self, module: str, show: Callable[[Any], None]) -> None:
+        self._module, self._show = module, show
+        self._thread: threading.Thread | None = None
+
+    def __call__(self, step: Any) -> None:
+        if step.stage == "relax" and self._thread is None:
+            self._thread = threading.Thread(target=import_module, args=[self._module], daemon=True)
+            self._thread.start()
+        self._show(step)
+
+    def wait(self) -> None:
+        """Ends with the import."""
+        if self._thread is not None:
+            self._thread.join()
+        import_module(self._module)  # which raises what went wrong there
 
 
 def _now() -> str:
