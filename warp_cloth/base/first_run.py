@@ -10,7 +10,7 @@ import functools
 import hashlib
 import os
 import sys
-from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
 
 FOLDER = "WARP_CLOTH_CACHE"  # environment variable: another cache folder, or "off"
@@ -75,16 +75,13 @@ def _mark(device: str | None) -> Path | None:
 @functools.cache
 def _kernels_version(warp_folder: str) -> str:
     """A digest of the kernels' source, of Warp's version and of where it keeps what it compiles."""
-    digest = hashlib.blake2b(repr([warp_folder, _version("warp-lang"), sys.version]).encode(), digest_size=16)
+    digest = hashlib.blake2b(repr([warp_folder, sys.version]).encode(), digest_size=16)
+    warp = find_spec("warp")  # not imported
+    if warp is not None and warp.origin is not None:
+        with contextlib.suppress(OSError):
+            digest.update(Path(warp.origin).with_name("config.py").read_bytes())  # its version
     own = Path(__file__).resolve().parent.parent
     kernels = own / "kernels"
     for path in sorted((kernels if kernels.is_dir() else own.parent / "kernels").rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return ""
