@@ -12,16 +12,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from meshfiles import sheet, write_obj
 
 from warp_cloth.avatar.contact import AvatarContact, ContactOptions
 from warp_cloth.base import disk_cache as cache_module
 from warp_cloth.base.disk_cache import ENDING, HALF, DiskCache, Entry, disk_cache, key_of
+from warp_cloth.base.errors import InputError
 from warp_cloth.base.first_run import FOLDER
 from warp_cloth.base.kernel_hashes import share_hashes
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.stored_mesh import stored_mesh
 from warp_cloth.base.threads import ONE_THREAD
 from warp_cloth.base.warp_setup import init_warp
+from warp_cloth.loading import stored
 from warp_cloth.shapes import MannequinMeasures, sphere
 
 KEY = "thing-0123456789abcdef"
@@ -208,6 +211,30 @@ def test_a_stored_mesh_is_the_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         found = getattr(again, name)
         assert type(found) is type(value)
         assert np.array_equal(found, value) if isinstance(value, np.ndarray) else found == value
+
+
+def test_a_file_is_loaded_again_only_where_it_has_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path / "cache"))
+    monkeypatch.setattr(stored, "SMALLEST", 1)
+    loads = list[Path]()
+    load = stored.load_mesh
+    monkeypatch.setattr(stored, "load_mesh", lambda path, **named: loads.append(path) or load(path, **named))
+    file = tmp_path / "sheet.obj"
+    write_obj(file, *sheet())
+    how: dict[str, Any] = {"role": "garment", "key": "garment", "units": "m"}
+    first, again = (stored.load_mesh_once(file, **how) for _ in range(2))
+    assert len(loads) == 1
+    assert np.array_equal(first.points, again.points)
+    assert first.notes == again.notes
+    stored.load_mesh_once(file, **{**how, "rest": "auto"})
+    points, *rest = sheet()
+    write_obj(file, 1.5 * np.asarray(points), *rest)
+    assert np.allclose(stored.load_mesh_once(file, **how).points, 1.5 * first.points)
+    assert len(loads) == 3
+    file.write_text("nonsense")
+    for _ in range(2):
+        with pytest.raises(InputError):
+            stored.load_mesh_once(file, **how)
 
 
 def test_a_stored_field_pushes_as_the_built_one_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
