@@ -48,7 +48,7 @@ def write_field(key: str, stored: StoredField) -> None:
     field = stored.field
     nodes = field.values.numpy()
     flat = nodes.reshape(-1)
-    is_near = flat != flat[0]
+    is_near = flat.view(np.uint32) != flat[:1].view(np.uint32)  # by bits
     arrays = {
         "shape": np.array(nodes.shape),
         "far": flat[:1],

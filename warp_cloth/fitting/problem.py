@@ -18,18 +18,15 @@ from warp_cloth.avatar.solid import solid_of
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.clock import StageClock
-from warp_cloth.base.compiling import compile_for_cpu, load_modules
+from warp_cloth.base.compiling import load_modules
 from warp_cloth.base.first_run import kernels_known
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.contact.garments import build_cloth_contact, highest_lift, model_crossings, placed
-from warp_cloth.export.render import picture_modules
+from warp_cloth.fitting.compile_ahead import compile_ahead
 from warp_cloth.fitting.nested_iteration import start_from_coarse
 from warp_cloth.fitting.poses import PoseRun, follow_poses
 from warp_cloth.garment.garment import terms_of
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
-from warp_cloth.kernels.anatomy import geodesics
-from warp_cloth.kernels.contact import crossing
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import MOST_ITERATIONS, Attempt, first_attempt
 from warp_cloth.model.model import ClothModel, build_model
@@ -159,7 +156,7 @@ def load_problem(
     arguments are those of ``build_problem``.
     """
     clock = clock or StageClock()
-    _compile_ahead(scene, device, clock)
+    compile_ahead(scene, device, clock)
     clock.begin("load")
     outfit = load_outfit(scene, mesh_cache)
     clock.lap("load")
@@ -358,20 +355,6 @@ def _avatar_contacts(
         contacts.append(contact.alike())
         colliders.append(collider)
     return contacts, colliders
-
-
-def _compile_ahead(scene: Scene, device: str, clock: StageClock) -> None:
-    """On a machine that has no kernels yet, compiles those that are launched before and after iterating, all at once.
-
-    Where they are launched one is compiled after another.
-    """
-    if wp.get_device(device).is_cuda or kernels_known(device):
-        return
-    clock.begin("compile")
-    own = [] if scene.avatar is None else [wp.get_module(geodesics.__name__), *avatar_modules("depth")]
-    with keeping_kernels():
-        compile_for_cpu([*own, wp.get_module(crossing.__name__), *picture_modules()])
-    clock.lap("compile")
 
 
 def _avatar_contact(scene: Scene, outfit: Outfit, device: str, cache: Cache) -> AvatarContact:
