@@ -74,12 +74,16 @@ def _missing(modules: Sequence[Any]) -> list[_Build]:
     return builds
 
 
-def compile_for_cpu(modules: Sequence[Any]) -> None:
-    """Compiles in other processes what Warp's cache lacks. What cannot be, Warp compiles when it is loaded."""
+def compile_for_cpu(modules: Sequence[Any], on_begin: Callable[[], None] = lambda: None) -> None:
+    """Compiles in other processes what Warp's cache lacks. What cannot be, Warp compiles when it is loaded.
+
+    ``on_begin`` is called where there is anything to compile.
+    """
     count = min(core_count(), MOST)
     builds = _missing(modules) if count > 1 else []
     if len(builds) < FEW:
         return
+    on_begin()
     with _compiled_by(_compilers(os.getpid(), count).build), ThreadPoolExecutor(2 * count) as threads:
         for ended in [threads.submit(build.run) for build in builds]:
             with contextlib.suppress(Exception):  # raised again, and told, when it is loaded

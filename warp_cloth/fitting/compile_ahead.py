@@ -22,8 +22,8 @@ def compile_ahead(scene: Scene, device: str, clock: StageClock) -> None:
     """
     if wp.get_device(device).is_cuda or kernels_known(device):
         return
-    clock.begin("compile")
     own = [] if scene.avatar is None else [wp.get_module(geodesics.__name__), *avatar_modules("depth")]
     with keeping_kernels():
-        compile_for_cpu([*own, wp.get_module(crossing.__name__), *picture_modules()])
+        modules = [*own, wp.get_module(crossing.__name__), *picture_modules()]
+        compile_for_cpu(modules, on_begin=lambda: clock.begin("compile"))
     clock.lap("compile")
