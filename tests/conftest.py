@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+os.environ.setdefault("WARP_CLOTH_CACHE", "off")  # tests see what code does now, not what it did; test_disk_cache.py
+
 # Every property gets a few examples in the suite, the same ones on every run; --hypothesis-profile=fuzz looks for
 # new ones, $WARP_CLOTH_FUZZ of them (100,000 unless it says otherwise) for each property.
 LONG_ENOUGH = 60_000  # [ms] of one example: what takes longer hangs

@@ -81,7 +81,7 @@ def test_progress_fits_the_terminal(width: int, monkeypatch: pytest.MonkeyPatch)
     assert all(len(line) <= width for line in re.split(r"[\r\n]|\x1b\[[0-9;?]*[A-Za-z]", shown))
     assert "rest error 13 mm" in shown
     assert "2/5 compiling" in shown
-    assert ("first fit on a machine" if width > 60 else "first run: about a minute") in shown
+    assert ("first fit on a machine" if width > 60 else "first run: half a minute") in shown
 
 
 def test_the_bar_shows_the_rest_error_on_a_logarithmic_scale() -> None:

@@ -29,11 +29,16 @@ CHANGES: list[dict[str, Any]] = [
     {"fabric": {"stretch": 3e4}},
     {"size": "L"},
     {"offset_mm": 5.0},
-    {"overrides": {"avatar.shape.chest": 1.02}},
+    {"avatar_shape": {"chest": 1.02}},
     {"overrides": ["garment.fabric={stretch=5e4}", "collision.cloth=true"]},
     {},
 ]
-KEYS = {"fabric": "garment.fabric", "size": "garment.shape.size", "offset_mm": "collision.offset_mm"}
+KEYS = {
+    "fabric": "garment.fabric",
+    "size": "garment.shape.size",
+    "offset_mm": "collision.offset_mm",
+    "avatar_shape": "avatar.shape",
+}
 
 
 def fresh(change: dict[str, Any]) -> Fit:
@@ -113,6 +118,8 @@ def test_threads_get_the_same_bits() -> None:
         ({"size": "XXXXL"}, "size"),
         ({"offset_mm": float("nan")}, "offset_mm"),
         ({"offset_mm": 1e300}, "offset_mm"),
+        ({"avatar_shape": {"chest": 9.0}}, "chest"),
+        ({"avatar_shape": {"nonsense": 1.0}}, "nonsense"),
         ({"overrides": ["nonsense"]}, "nonsense"),
         ({"overrides": {"garment.nonsense": 1}}, "nonsense"),
         ({"frames": -1}, "frames"),

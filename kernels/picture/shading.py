@@ -7,15 +7,10 @@ from warp_cloth.kernels.avatar.raster import View, barycentric, pixel_position, 
 # unrolled, the occlusion loops take long to compile; nobody differentiates a picture
 wp.set_module_options({"max_unroll": 1, "enable_backward": False})
 
-OCCLUSION_DIRECTIONS = wp.constant(wp.int32(6))
-OCCLUSION_STEPS = wp.constant(wp.int32(6))
 OCCLUSION_REACH = wp.constant(wp.float32(0.06))  # [m], a sleeve's width: folds and hems darken, limbs do not
 OCCLUSION_BIAS = wp.constant(wp.float32(0.08))  # sine of the elevation below which facets are not folds
 OCCLUSION_STRENGTH = wp.constant(wp.float32(2.0))
-SHADOW_TAPS = wp.constant(wp.int32(12))
-SHADOW_BLUR = wp.constant(wp.float32(0.012))  # [m], radius of the soft edge
 SHADOW_LIFT = wp.constant(wp.float32(0.006))  # [m], off the surface, so that it does not shade itself
-GOLDEN_ANGLE = wp.constant(wp.float32(2.39996))  # [rad]
 
 
 @wp.struct
@@ -44,11 +39,16 @@ def light_on(normal: wp.vec3f, key: wp.vec3f, fill: wp.vec3f, up: wp.vec3f, lit:
 
 
 @wp.func
-def horizon(normal: wp.vec3f, offset: wp.vec3f, radius: float) -> float:
-    """How far a neighbour at ``offset`` [m] rises over the tangent plane, 0..1; fades at ``radius`` [m]."""
-    distance = wp.max(wp.length(offset), 1.0e-6)
-    fade = wp.max(1.0 - distance / radius, 0.0)
-    return wp.max(wp.dot(normal, offset) / distance - OCCLUSION_BIAS, 0.0) * fade
+def horizon(height: float, square: float) -> float:
+    """How far a neighbour ``height`` [m] over the tangent plane rises, 0..1; fades at the reach.
+
+    ``square`` is its distance squared [m2].
+    """
+    if height <= 0.0:
+        return 0.0
+    distance = wp.max(wp.sqrt(square), 1.0e-6)
+    fade = wp.max(1.0 - distance / OCCLUSION_REACH, 0.0)
+    return wp.max(height / distance - OCCLUSION_BIAS, 0.0) * fade
 
 
 @wp.struct
@@ -98,9 +98,9 @@ def pixel_point(view: View, row: int, column: int, depth: float) -> wp.vec3f:
 
 
 @wp.func
-def pattern_rotation(row: int, column: int) -> float:
-    """Rotation of a pixel's sampling pattern [revolutions], one of four in a 2 x 2 block, averaged by supersampling."""
-    return 0.25 * float(2 * (row % 2) + column % 2)
+def pattern(row: int, column: int) -> int:
+    """Which of four sampling patterns a pixel has, one of four in a 2 x 2 block: supersampling averages them."""
+    return 2 * (row % 2) + column % 2
 
 
 @wp.kernel
@@ -110,6 +110,7 @@ def cast_shadows(
     view: View,
     key: View,  # from the key light
     key_depth: wp.array2d(dtype=wp.float32),  # from draw_depth [m], shape [key.rows, key.columns]
+    taps: wp.array2d(dtype=wp.vec2f),  # where it looks: columns and rows from a point, shape [patterns, taps]
     lit_out: wp.array2d(dtype=wp.float32),  # fraction of the key's light, 0..1, shape [rows, columns]
 ):
     """Fraction of a disc of the key's depth image round each drawn pixel's point that is not before it."""
@@ -119,17 +120,16 @@ def cast_shadows(
     point = pixel_point(view, row, column, depth[row, column]) + SHADOW_LIFT * normal[row, column]
     place = pixel_position(key, point)
     lit = float(0.0)
-    for tap in range(SHADOW_TAPS):
-        fraction = (float(tap) + 0.5) / float(SHADOW_TAPS)
-        angle = float(tap) * GOLDEN_ANGLE + 2.0 * wp.pi * pattern_rotation(row, column)
-        away = SHADOW_BLUR / key.pixel * wp.sqrt(fraction)
-        x = int(wp.round(place[0] + away * wp.cos(angle)))
-        y = int(wp.round(place[1] + away * wp.sin(angle)))
+    which = pattern(row, column)
+    for tap in range(taps.shape[1]):
+        aside = taps[which, tap]
+        x = int(wp.round(place[0] + aside[0]))
+        y = int(wp.round(place[1] + aside[1]))
         if x < 0 or x >= key.columns or y < 0 or y >= key.rows:
             lit += 1.0
         elif key_depth[y, x] <= place[2] + SHADOW_LIFT:
             lit += 1.0
-    lit_out[row, column] = lit / float(SHADOW_TAPS)
+    lit_out[row, column] = lit / float(taps.shape[1])
 
 
 @wp.kernel
@@ -141,6 +141,8 @@ def light_pixels(
     view: View,
     key: wp.vec3f,  # unit vector to the key light
     fill: wp.vec3f,  # unit vector to the fill light
+    taps: wp.array2d(dtype=wp.vec2i),  # where it looks: rows and columns from a pixel, shape [patterns, taps]
+    steps: int,  # of each direction; taps follow one another
     colour_out: wp.array2d(dtype=wp.vec3f),  # linear light, shape [rows, columns]
 ):
     """Lights every drawn pixel, darkened where its surroundings rise over it.
@@ -152,22 +154,24 @@ def light_pixels(
         return
     n = normal[row, column]
     here = depth[row, column]
+    across, along, toward = wp.dot(n, view.right), wp.dot(n, view.up), wp.dot(n, view.toward)
     risen = float(0.0)
-    for direction in range(OCCLUSION_DIRECTIONS):
-        angle = 2.0 * wp.pi * (float(direction) + pattern_rotation(row, column)) / float(OCCLUSION_DIRECTIONS)
+    which = pattern(row, column)
+    directions = taps.shape[1] / steps
+    for direction in range(directions):
         highest = float(0.0)
-        for step in range(OCCLUSION_STEPS):
-            # steps widen quadratically: folds are near, hems far
-            fraction = (float(step) + 1.0) / float(OCCLUSION_STEPS)
-            away = wp.max(OCCLUSION_REACH * fraction * fraction / view.pixel, 1.5 * (float(step) + 1.0))
-            x = int(wp.round(wp.cos(angle) * away))
-            y = int(wp.round(wp.sin(angle) * away))
-            if row + y >= 0 and row + y < view.rows and column + x >= 0 and column + x < view.columns:
-                rise = depth[row + y, column + x] - here
+        for step in range(steps):
+            aside = taps[which, direction * steps + step]
+            y = row + aside[0]
+            x = column + aside[1]
+            if y >= 0 and y < view.rows and x >= 0 and x < view.columns:
+                rise = depth[y, x] - here
                 if rise > -OCCLUSION_REACH:  # false for the background, too
-                    run = (float(x) * view.right + float(y) * view.up) * view.pixel
-                    highest = wp.max(highest, horizon(n, run + rise * view.toward, OCCLUSION_REACH))
+                    right = view.pixel * float(aside[1])
+                    up = view.pixel * float(aside[0])
+                    height = right * across + up * along + rise * toward
+                    highest = wp.max(highest, horizon(height, right * right + up * up + rise * rise))
         risen += highest
-    open = wp.clamp(1.0 - OCCLUSION_STRENGTH * risen / float(OCCLUSION_DIRECTIONS), 0.0, 1.0)
+    open = wp.clamp(1.0 - OCCLUSION_STRENGTH * risen / float(directions), 0.0, 1.0)
     light = light_on(n, key, fill, view.up, lit[row, column], open)
     colour_out[row, column] = wp.cw_mul(reflectance[row, column], light)

@@ -4,8 +4,9 @@
     python tests/benchmarks/answer_time.py --only command_warm,fitter
 
 Wall time of the whole process, and report.json's "seconds" beside it; ``told`` is the share of the wall time that they
-add up to. Cold: no compiled kernels and no bytecode; one run, of the command alone. The fitter answers
-on one core, in turn with a plain fit of the same scene in the same process, which must give the same bits. Medians.
+add up to. Cold: no compiled kernels, no bytecode and an empty cache; one run, of the command alone, also to its first
+word. ``--against`` names another checkout, whose command runs in turn with this one's. The fitter answers on one core,
+in turn with a plain fit of the same scene in the same process, which must give the same bits. Medians.
 """
 
 from __future__ import annotations
@@ -67,17 +68,24 @@ print(json.dumps(walls))
 """
 
 
-def command(scene: str, device: str, environment: Mapping[str, str]) -> tuple[float, dict[str, float]]:
-    """Wall time of one run of the command [s], and the seconds of its report."""
+def command(scene: str, device: str, environment: Mapping[str, str]) -> tuple[float, dict[str, float], float]:
+    """Wall time of one run of the command [s], the seconds of its report, and when it says its first word [s]."""
     with tempfile.TemporaryDirectory() as folder:
         words = [sys.executable, "-m", "warp_cloth", "fit", scene, "--device", device, "--out", folder]
         began = time.perf_counter()
-        ended = subprocess.run(words, env={**os.environ, **environment}, capture_output=True, text=True, check=False)
-        wall = time.perf_counter() - began
-        if ended.returncode not in (0, 3):  # 3: not worn
-            raise SystemExit(ended.stderr)
+        quiet = subprocess.DEVNULL
+        process = subprocess.Popen(
+            words, env={**os.environ, **environment}, stdout=quiet, stderr=subprocess.PIPE, cwd=folder, text=True
+        )
+        assert process.stderr is not None
+        said = process.stderr.readline()
+        first = time.perf_counter() - began
+        said += process.stderr.read()
+        status, wall = process.wait(), time.perf_counter() - began
+        if status not in (0, 3):  # 3: not worn
+            raise SystemExit(said)
         report: dict[str, Any] = json.loads((Path(folder) / "report.json").read_text(encoding="utf-8"))
-    return wall, report["seconds"]
+    return wall, report["seconds"], first
 
 
 def run_script(script: str, *arguments: Any) -> Any:
@@ -87,14 +95,16 @@ def run_script(script: str, *arguments: Any) -> Any:
     return json.loads(ended.stdout)
 
 
-def add(figures: Figures, name: str, runs: Sequence[tuple[float, dict[str, float]]], cores: int | None = None) -> None:
-    """Adds the medians of a case's runs."""
-    figures.add(f"{name}.wall", statistics.median(wall for wall, _ in runs), "s", cores=cores)
+def add(figures: Figures, name: str, runs: Sequence[Sequence[Any]], cores: int | None = None) -> None:
+    """Adds the medians of a case's runs: wall time, the seconds of its report, and when it said its first word."""
+    figures.add(f"{name}.wall", statistics.median(run[0] for run in runs), "s", cores=cores)
     figures.add(
-        f"{name}.told", 100.0 * statistics.median(sum(told.values()) / wall for wall, told in runs), "%", cores=cores
+        f"{name}.told", 100.0 * statistics.median(sum(run[1].values()) / run[0] for run in runs), "%", cores=cores
     )
+    if len(runs[0]) > 2:
+        figures.add(f"{name}.first_word", statistics.median(run[2] for run in runs), "s", cores=cores)
     for stage in runs[0][1]:
-        spent = statistics.median(told.get(stage, 0.0) for _, told in runs)
+        spent = statistics.median(run[1].get(stage, 0.0) for run in runs)
         if spent >= LEAST:
             figures.add(f"{name}.{stage}", spent, "s", cores=cores)
 
@@ -105,19 +115,29 @@ def main() -> None:
     reader.add_argument("--device", default="cpu")
     reader.add_argument("--runs", type=int, default=5)
     reader.add_argument("--only", default=",".join(CASES), help="cases, separated by commas")
+    reader.add_argument("--against", type=Path, help="another checkout, whose command runs in turn with this one's")
     add_write_option(reader)
     options = reader.parse_args()
     scene, device, cases = options.scene, options.device, options.only.split(",")
     if unknown := set(cases) - set(CASES):
         reader.error(f"no such case: {', '.join(sorted(unknown))}")
     with Figures(__file__, options, device=device) as figures:
-        if "command_cold" in cases:
+        own = str(Path(__file__).resolve().parents[2])
+        trees = {"": own} if options.against is None else {"before_": str(options.against.resolve()), "": own}
+        for before, tree in trees.items() if "command_cold" in cases else ():
             with tempfile.TemporaryDirectory() as folder:
-                fresh = {"WARP_CACHE_PATH": f"{folder}/kernels", "PYTHONPYCACHEPREFIX": f"{folder}/bytecode"}
-                add(figures, "command_cold", [command(scene, device, fresh)])
+                places = {"WARP_CACHE_PATH": "kernels", "PYTHONPYCACHEPREFIX": "bytecode", "WARP_CLOTH_CACHE": "cache"}
+                fresh = {name: f"{folder}/{place}" for name, place in places.items()}
+                add(figures, f"{before}command_cold", [command(scene, device, {**fresh, "PYTHONPATH": tree})])
         if "command_warm" in cases:
-            command(scene, device, {})  # compiles
-            add(figures, "command_warm", [command(scene, device, {}) for _ in range(options.runs)])
+            with tempfile.TemporaryDirectory() as folder:  # bytecode, also where the environment wants none
+                here = {"PYTHONPYCACHEPREFIX": folder, "PYTHONDONTWRITEBYTECODE": ""}
+                runs = [
+                    {before: command(scene, device, {**here, "PYTHONPATH": tree}) for before, tree in trees.items()}
+                    for _ in range(1 + options.runs)
+                ]
+            for before in trees:
+                add(figures, f"{before}command_warm", [run[before] for run in runs[1:]])  # the first one compiles
         if "library" in cases:
             first, *again = run_script(LIBRARY, scene, device, options.runs)
             add(figures, "library_first", [first])

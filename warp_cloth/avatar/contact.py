@@ -19,6 +19,7 @@ from warp_cloth.avatar.exact import ExactCollider, build_exact_collider, tree_by
 from warp_cloth.avatar.field import FieldBuild, bake_modules, build_contact_field
 from warp_cloth.avatar.layers import LayeredBuffers, build_layered_buffers
 from warp_cloth.avatar.solid import Closing, Solid, solid_of
+from warp_cloth.avatar.stored_field import StoredField, field_key, read_field, write_field
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.kernels.avatar import closest, depth, layers, raster, visibility
@@ -178,7 +179,9 @@ class AvatarContact:
                     return self._drawn_within(self._avatar, lower, upper)
                 except InputError:
                     self._draw_coarser()
-        return self._audited_collider(self._avatar, points, lower, upper)
+        if self._options.kind != "auto" or not wp.get_device(self._options.device).is_cpu:  # a GPU draws in no time
+            return self._audited_collider(self._avatar, points, lower, upper)
+        return self._stored_collider(self._avatar, points, lower, upper)
 
     def _exact_collider(self, avatar: Mesh) -> Collider:
         """The collider of kind "mesh"."""
@@ -187,6 +190,25 @@ class AvatarContact:
         report: dict[str, Any] = {"buffers": [], "triangles": avatar.triangle_count, **self._repairs()}
         self._report = _LazyReport(lambda: report)
         return Collider(mesh_contact, exact.collider, MeshCollider)
+
+    def _stored_collider(self, avatar: Mesh, points: Points, lower: Points, upper: Points) -> Collider:
+        """The audited collider of kind "auto", from the disk where it has been built before."""
+        region = (avatar.points, avatar.triangles, points, lower, upper, self._reach)
+        key = field_key(*region, self._options, self._repairs(), len(self._rejected))
+        stored = read_field(key, self._options.device)
+        if stored is None:
+            collider = self._audited_collider(avatar, points, lower, upper)
+            write_field(key, StoredField(self._built[1], len(self._rejected), self.report or {}))
+            return collider
+        report, drawings = stored.report, [*self._rejected, *self._drawings]
+        self._rejected, self._drawings = drawings[: stored.rejected], drawings[stored.rejected :]
+        self._built = (None, stored.field)
+        self._report = _LazyReport(lambda: report)
+        return self._limited(stored.field)
+
+    def _limited(self, field: FieldBuild) -> Collider:
+        """The collider that looks up a field, as far as contact needs it."""
+        return Collider(field_contact, field.limited_to(self._options.offset, self._lift), ContactField)
 
     def _audited_collider(self, avatar: Mesh, points: Points, lower: Points, upper: Points) -> Collider:
         """Draws over a box [m], for "auto" finer and finer until the error is small enough, or a grid too large."""
@@ -241,7 +263,7 @@ class AvatarContact:
         self._built, self._drawings, self.builds = earlier._built, earlier._drawings, earlier.builds
         self._rejected = earlier._rejected
         self._lower, self._upper, self._report = earlier._lower, earlier._upper, earlier._report
-        return Collider(field_contact, field.limited_to(self._options.offset, self._lift), ContactField)
+        return self._limited(field)
 
     def move(self, avatar: Points, cloth: Points) -> Points:
         """Moves the avatar's vertices to these positions [m]; the next collider is built from them.
@@ -271,7 +293,8 @@ class AvatarContact:
             return 0
         if isinstance(self._built, ExactCollider):
             return tree_bytes(self._avatar)
-        arrays = [array for owner in self._built for array in vars(owner).values() if isinstance(array, wp.array)]
+        owners = [owner for owner in self._built if owner is not None]
+        arrays = [array for owner in owners for array in vars(owner).values() if isinstance(array, wp.array)]
         return sum(array.capacity for array in arrays)
 
     def surface(self, avatar: Mesh) -> Mesh:
@@ -327,7 +350,7 @@ class AvatarContact:
         field = build_contact_field(buffers, reach=self._reach)
         self._built = (buffers, field)
         log.info("contact field of %s nodes", " x ".join(str(count) for count in field.values.shape))
-        return Collider(field_contact, field.limited_to(self._options.offset, self._lift), ContactField)
+        return self._limited(field)
 
     def _repairs(self) -> dict[str, Any]:
         """What was done to the avatar's surface, for the report."""

@@ -41,6 +41,23 @@ class FieldBuild:
     steepest: float  # upper bound of the distance's slope
     beyond: float  # lower bound of the distance round far nodes [m]
 
+    @classmethod
+    def of(
+        cls,
+        values: wp.array,
+        origin: NDArray[np.float64],
+        spacing: float,
+        reach: float,
+        steepest: float,
+        beyond: float,
+    ) -> FieldBuild:
+        """The field of these values; arguments as above."""
+        field = ContactField()
+        field.values, field.origin = values, wp.vec3d(*origin)
+        field.spacing, field.reach = spacing, reach
+        field.near = math.inf
+        return cls(field, values, origin, spacing, reach, steepest, beyond)
+
     @property
     def device(self) -> wp.Device:
         return self.values.device
@@ -161,11 +178,7 @@ def build_contact_field(
         outputs=[values],
         device=device,
     )
-    field = ContactField()
-    field.values, field.origin = values, wp.vec3d(*buffers.origin)
-    field.spacing, field.reach = h, reach
-    field.near = math.inf
-    return FieldBuild(field, values, buffers.origin, h, reach, *_slope_bounds(values, h, reach))
+    return FieldBuild.of(values, buffers.origin, h, reach, *_slope_bounds(values, h, reach))
 
 
 def _slope_bounds(values: wp.array, spacing: float, reach: float) -> tuple[float, float]:

@@ -51,6 +51,10 @@ class StageClock:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
         self._last = now
 
+    def restart(self) -> None:
+        """Leaves out the time since the last lap, which another clock has measured."""
+        self._last = time.perf_counter()
+
     def add_to(self, seconds: dict[str, float]) -> None:
         """Adds this clock's seconds to those of what went on after its last lap."""
         for stage, spent in self.seconds.items():

@@ -9,6 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 
+def median(values: NDArray[np.floating[Any]]) -> float:
+    """``numpy.median`` of numbers, shape [N], to the last bit; that imports masked arrays, which takes 0.03 s."""
+    middle = len(values) // 2
+    if np.isnan(values).any():
+        return math.nan
+    if len(values) % 2:
+        return float(np.partition(values, middle)[middle])
+    ordered = np.partition(values, [middle - 1, middle])
+    return float(ordered[middle - 1 : middle + 1].mean())
+
+
 def quantiles(values: NDArray[Any], *fractions: float) -> list[float]:
     """Quantiles of ``values``, shape [N], at fractions from 0 to 1, interpolated linearly.
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, redirect_stderr
 
 from warp_cloth.base.errors import OutputError
+from warp_cloth.base.kernel_hashes import share_hashes
 
 
 @contextmanager
@@ -41,6 +42,7 @@ def init_warp() -> None:
         warp.config.log_level = warp.LOG_WARNING
     with keeping_kernels(), nullcontext() if heard else _silenced_stderr():
         warp.init()
+    share_hashes()
 
 
 def start_warp(verbose: bool = False) -> None:

@@ -14,7 +14,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import toml_text
 from warp_cloth.batch.contact_sheet import NO_RESULT, Card, thumbnail, write_cards
 from warp_cloth.batch.jobs import PLAIN_NAME
-from warp_cloth.fitting.fit import Fit, fit
+from warp_cloth.fitting.fit import Caches, Fit, fit_loaded
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
@@ -201,18 +201,18 @@ def fit_sizes(
     for size in names:
         own = [change.replace(SIZE, size) for change in sized] or [f"{first}.shape.size={size}"]
         chosen[size] = load_scene(scene, [*plain, *own])
-    found = []
+    found, caches = [], Caches()
     for size, sized_scene in chosen.items():
         if progress is not None:
             progress(size)
-        found.append(_fit_size(size, sized_scene, device))
+        found.append(_fit_size(size, sized_scene, device, caches))
     recommended, reason = recommendation(found, ease)
     return SizeRun(base.name, ease, tuple(found), recommended, reason)
 
 
-def _fit_size(size: str, scene: Scene, device: str | None) -> SizeFit:
+def _fit_size(size: str, scene: Scene, device: str | None, caches: Caches) -> SizeFit:
     try:
-        worn = fit(scene, device=device)
+        worn = fit_loaded(lambda: scene, device, caches)
     except InputError as error:
         return unusable_size(size, str(error))
     return measured_size(size, worn)

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from importlib import import_module
 from pathlib import Path
@@ -19,6 +20,7 @@ import typer
 from warp_cloth.base.clock import command_clock
 from warp_cloth.base.collector import what_stays
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.first_run import FIRST_RUN, is_first_run
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device, FabricName, On
 from warp_cloth.cli.terminal import BAD_INPUT, one_line_errors, output_folder
@@ -74,6 +76,8 @@ def fit(
     """
     with one_line_errors("on", "fabric"):
         clock = command_clock()
+        if is_first_run(device):
+            print(FIRST_RUN, file=sys.stderr, flush=True)  # before what is imported takes its time
         with what_stays():
             from warp_cloth.export.formats import check_inputs_kept, chosen_formats
             from warp_cloth.maps.kinds import chosen_colour, chosen_maps
@@ -88,14 +92,15 @@ def fit(
         with output_folder(out, chosen.name):
             with what_stays():
                 from warp_cloth.fitting.fit import fit as run
-
-                import_module("warp_cloth.export.save")  # Fit.save would import it later, in no stage of its own
             with _display() as display:
                 clock.lap("import")
                 start_warp(verbose)
                 clock.lap("warp")
-                all_maps = (*map_names, colour_map)
-                worn = run(chosen, device=device, frames=frames, maps=all_maps, start=start, progress=display)
+                all_maps, export = (*map_names, colour_map), _Meanwhile("warp_cloth.export.save", display)
+                worn = run(chosen, device=device, frames=frames, maps=all_maps, start=start, progress=export)
+                clock.restart()
+                export.wait()
+                clock.lap("import")
                 clock.add_to(worn.report.setdefault("seconds", {}))
                 worn.report["made"] = {"command": shlex.join(["warp-cloth", *sys.argv[1:]]), "date": _now()}
                 display.begin("export")
@@ -104,6 +109,26 @@ def fit(
         typer.echo(line)
     if not worn.worn:
         raise typer.Exit(NOT_WORN)
+
+
+class _Meanwhile:
+    """Imports a module while the fit relaxes, which leaves Python alone; passes its progress on."""
+
+    def __init__(self, module: str, show: Callable[[Any], None]) -> None:
+        self._module, self._show = module, show
+        self._thread: threading.Thread | None = None
+
+    def __call__(self, step: Any) -> None:
+        if step.stage == "relax" and self._thread is None:
+            self._thread = threading.Thread(target=import_module, args=[self._module], daemon=True)
+            self._thread.start()
+        self._show(step)
+
+    def wait(self) -> None:
+        """Ends with the import."""
+        if self._thread is not None:
+            self._thread.join()
+        import_module(self._module)  # which raises what went wrong there
 
 
 def _now() -> str:

@@ -14,6 +14,7 @@ from warp_cloth.cli.results import compare, view
 from warp_cloth.cli.serve import serve
 from warp_cloth.cli.study import plan, tradeoff
 from warp_cloth.cli.terminal import BAD_INPUT, INTERRUPTED, keep_interrupts, print_error
+from warp_cloth.cli.warm_up import warm_up
 
 app = typer.Typer(
     name="warp-cloth",
@@ -27,6 +28,7 @@ for panel, commands in (
     ("Fit", (fit, init, batch, sizes, compare, view, serve)),
     ("Explore", (scenes, pattern, fabric, avatar)),
     ("Study", (plan, tradeoff)),
+    ("Set up", (warm_up,)),
 ):
     for command in commands:
         app.command(rich_help_panel=panel)(command)

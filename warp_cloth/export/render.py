@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,9 +11,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.base.compiling import load_modules
 from warp_cloth.base.mesh import Mesh, vertex_normals
-from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear, winds_outward
+from warp_cloth.export.taps import OCCLUSION_STEPS, occlusion_taps, shadow_taps
 from warp_cloth.kernels.avatar.raster import View, draw_depth, draw_triangle_ids
 from warp_cloth.kernels.picture.shading import Appearance, Surface, cast_shadows, light_pixels, sample_surface
 from warp_cloth.model.result import WornGarment
@@ -86,9 +88,12 @@ def build_subject(garments: Sequence[WornGarment], avatar: Mesh | None, device: 
 
 def load_kernels(device: str) -> None:
     """Loads the picture's kernels: two threads must not load one module at the same time."""
-    kernels = draw_depth, draw_triangle_ids, sample_surface, cast_shadows, light_pixels
-    with keeping_kernels():
-        wp.force_load(device, modules=list({kernel.module: None for kernel in kernels}), max_workers=0)
+    load_modules(picture_modules(), device)
+
+
+def picture_modules() -> list[wp.Module]:
+    """The kernel modules of a picture."""
+    return [kernel.module for kernel in (draw_depth, draw_triangle_ids, sample_surface, cast_shadows, light_pixels)]
 
 
 def shading_of(points: Vector, triangles: NDArray[np.int32], inside: float) -> Appearance:
@@ -153,11 +158,13 @@ def render_view(subject: Subject, toward: Vector, pixel: float, width: int, heig
     wp.launch(draw_triangle_ids, len(subject.triangles), inputs=inputs, outputs=[ids], device=device)
     normal, reflectance = surface(subject, view, ids)
     lit = wp.zeros(shape, dtype=wp.float32, device=device)
-    inputs = [depth, normal, view, key_view, key_depth]
+    taps = wp.array(shadow_taps(key_view.pixel), dtype=wp.vec2f, device=device)
+    inputs = [depth, normal, view, key_view, key_depth, taps]
     wp.launch(cast_shadows, shape, inputs=inputs, outputs=[lit], device=device)
     white = wp.full(shape, wp.vec3f(1.0), dtype=wp.vec3f, device=device)
     light = wp.zeros(shape, dtype=wp.vec3f, device=device)
-    inputs = [depth, normal, white, lit, view, vector(key), vector(fill)]
+    taps = wp.array(occlusion_taps(view.pixel), dtype=wp.vec2i, device=device)
+    inputs = [depth, normal, white, lit, view, vector(key), vector(fill), taps, OCCLUSION_STEPS]
     wp.launch(light_pixels, shape, inputs=inputs, outputs=[light], device=device)
     return RenderedView(view, ids, light.numpy(), reflectance, subject.colours)
 
@@ -171,7 +178,9 @@ def shade_view(subject: Subject, rendered: RenderedView, background: Vector) -> 
     light = np.where(visible[..., None], reflectance.numpy() * rendered.light, background.astype(np.float32))
     rows, columns, _ = light.shape
     samples = light.reshape(rows // SUPERSAMPLING, SUPERSAMPLING, columns // SUPERSAMPLING, SUPERSAMPLING, 3)
-    return np.asarray(samples.mean(axis=(1, 3))[::-1])
+    places = itertools.product(range(SUPERSAMPLING), repeat=2)
+    total = sum(samples[:, row, :, column] for row, column in places)  # a fifth of the time that ``mean`` takes
+    return np.asarray(total / np.float32(SUPERSAMPLING**2))[::-1]
 
 
 def surface(subject: Subject, view: View, ids: wp.array) -> tuple[wp.array, wp.array]:

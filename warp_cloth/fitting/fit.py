@@ -9,11 +9,14 @@ from numbers import Integral
 from pathlib import Path
 from typing import Any
 
+import warp as wp
+
 from warp_cloth.base import arguments
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.device import device_named
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.first_run import note_kernels
 from warp_cloth.base.threads import one_thread_at_a_time
 from warp_cloth.export.formats import chosen_formats
 from warp_cloth.fitting.attempts import finished_runs, tried_further
@@ -205,6 +208,7 @@ def fit_loaded(
     (result,) = finish_fits(problem, [course], clock=clock, frames=frames)
     fitted = Fit.of(with_maps(result, map_names, problem) if map_names else result)
     clock.lap("measure")
+    note_kernels(device_name, wp.config.kernel_cache_dir)
     return fitted
 
 

@@ -62,6 +62,7 @@ class Fitter:
         fabric: Any = None,
         size: str | None = None,
         offset_mm: float | None = None,
+        avatar_shape: Mapping[str, Any] | None = None,
         overrides: Sequence[str] | Mapping[str, Any] = (),
         frames: int = 0,
         maps: str | Sequence[str] = (),
@@ -74,6 +75,7 @@ class Fitter:
             fabric: of the garment: a shipped name, a .toml file, a table or a ``Fabric`` (``garment.fabric``).
             size: of a generated garment (``garment.shape.size``).
             offset_mm: gap between skin and cloth (``collision.offset_mm``).
+            avatar_shape: measures of a generated body, {"chest": 1.02} (``avatar.shape``); others stay.
             overrides: other changes.
             frames: number of intermediate shapes to keep.
             maps: fit maps to compute.
@@ -83,7 +85,12 @@ class Fitter:
         Raises:
             InputError: a change is not valid; the fitter stays as it was.
         """
-        named = {"garment.fabric": fabric, "garment.shape.size": size, "collision.offset_mm": offset_mm}
+        named = {
+            "garment.fabric": fabric,
+            "garment.shape.size": size,
+            "collision.offset_mm": offset_mm,
+            "avatar.shape": avatar_shape,
+        }
         changes = overrides_of({key: value for key, value in named.items() if value is not None})
         load = partial(self._load, [*self._given, *changes, *overrides_of(overrides)])
         with LAUNCH_LOCK:

@@ -18,9 +18,11 @@ from warp_cloth.avatar.solid import solid_of
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.clock import StageClock
+from warp_cloth.base.compiling import load_modules
+from warp_cloth.base.first_run import kernels_known
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.contact.garments import build_cloth_contact, highest_lift, model_crossings, placed
+from warp_cloth.fitting.compile_ahead import compile_ahead
 from warp_cloth.fitting.nested_iteration import start_from_coarse
 from warp_cloth.fitting.poses import PoseRun, follow_poses
 from warp_cloth.garment.garment import terms_of
@@ -34,6 +36,7 @@ from warp_cloth.report.numbers import short_number
 from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.rest_error import GROWING
+from warp_cloth.solver.certificate.strains import strain_kernels
 from warp_cloth.solver.contact_schedule import ContactSchedule, build_contact_schedule
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, build_relaxation
 from warp_cloth.solver.loop import Boxes, Follow, Goal
@@ -153,6 +156,7 @@ def load_problem(
     arguments are those of ``build_problem``.
     """
     clock = clock or StageClock()
+    compile_ahead(scene, device, clock)
     clock.begin("load")
     outfit = load_outfit(scene, mesh_cache)
     clock.lap("load")
@@ -190,9 +194,9 @@ def build_problem(
     clock = clock or StageClock()
     chosen = [first_attempt(*pair) for pair in zip(scenes, outfits, strict=True)] if attempts is None else attempts
     scenes = [attempt.scene for attempt in chosen]
-    if outfits[0].avatar is not None:
+    if outfits[0].avatar is not None and wp.get_device(device).is_cuda:  # the CPU may find what they do on disk
         clock.begin("compile")
-        _compile(avatar_modules(contact_kind(scenes[0], outfits[0])), device)
+        load_modules(avatar_modules(contact_kind(scenes[0], outfits[0])), device)
         clock.lap("compile")
     clock.begin("build")
     problem = _assemble(chosen, outfits, device, earlier, cache or Cache(), like, options)
@@ -201,7 +205,9 @@ def build_problem(
     clock.begin("compile")
     relaxation, certifier = problem.relaxation, problem.certifier
     kernels = relaxation.kernels() + relaxation.seldom_kernels() + certifier.kernels()
-    _compile([kernel.module for kernel in kernels], device)
+    if not kernels_known(device):
+        kernels += strain_kernels(problem.model.precision)
+    load_modules([kernel.module for kernel in kernels], device)
     clock.lap("compile")
     if not problem.outfit.poses:
         return problem
@@ -281,7 +287,7 @@ def start_coarse(problem: Problem, clock: StageClock | None = None) -> tuple[Lev
 
     def load(kernels: Sequence[wp.Kernel]) -> None:
         clock.lap("relax")
-        _compile([kernel.module for kernel in kernels], problem.model.device)
+        load_modules([kernel.module for kernel in kernels], problem.model.device)
         clock.lap("compile")
 
     clock.begin("relax")
@@ -349,15 +355,6 @@ def _avatar_contacts(
         contacts.append(contact.alike())
         colliders.append(collider)
     return contacts, colliders
-
-
-def _compile(modules: list[wp.Module], device: str) -> None:
-    """Loads kernels, compiled where Warp's cache does not have them yet.
-
-    For the CPU one after another: two threads of that compiler take twice as long as one (measured, Warp 1.19).
-    """
-    with keeping_kernels():
-        wp.force_load(device, modules=modules, max_workers=0 if wp.get_device(device).is_cpu else None)
 
 
 def _avatar_contact(scene: Scene, outfit: Outfit, device: str, cache: Cache) -> AvatarContact:

@@ -25,7 +25,7 @@ from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.reading import read_again
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
-from warp_cloth.loading import Placement, check_sizes, load_mesh, load_poses, without_area
+from warp_cloth.loading import Placement, check_sizes, load_mesh_once, load_poses, without_area
 from warp_cloth.pattern import load_pattern
 from warp_cloth.scene import AvatarSpec, BodyMeasures, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.scene.predrape import predrape_scene_of
@@ -371,7 +371,7 @@ def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | BodyMea
             mesh = build_garment(spec.shape, body=body, cache=drafts)
         return replace(mesh, points=placement.moved(mesh.points * spec.scale))
     load = partial(
-        load_mesh,
+        load_mesh_once,
         spec.mesh,
         role="garment",
         key=key,
@@ -389,7 +389,7 @@ def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | BodyMea
 
 def _avatar_mesh(spec: AvatarSpec, drafts: Cache) -> Mesh:
     if spec.mesh is not None:
-        return load_mesh(spec.mesh, role="avatar", key="avatar", prim=spec.prim, units=spec.units, up=spec.up)
+        return load_mesh_once(spec.mesh, role="avatar", key="avatar", prim=spec.prim, units=spec.units, up=spec.up)
     if spec.measures is not None:
         return measured_mannequin(spec.measures, drafts)[1]
     return build_avatar(spec.shape, cache=drafts)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.quantiles import median
 from warp_cloth.base.topology import Topology
 from warp_cloth.base.units import LENGTH_UNITS, METRES_PER
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
@@ -69,7 +70,7 @@ def panel_sides(mesh: Mesh, metres_per_uv: MetresPerUv, place: str, key: str) ->
 def left_out_triangles(areas: Floats) -> NDArray[np.bool_]:
     """Whether each triangle was left out of the panels, by its area in texture space; shape [F] each."""
     some = areas[areas > 0.0]
-    return np.asarray(areas <= LEFT_OUT_AREA * (float(np.median(some)) if len(some) else 0.0))
+    return np.asarray(areas <= LEFT_OUT_AREA * (median(some) if len(some) else 0.0))
 
 
 def check_scale(
@@ -82,12 +83,12 @@ def check_scale(
     Raises:
         InputError: they differ so much that the unit must be wrong.
     """
-    ratio = float(np.median(length) / max(float(np.median(drawn)), np.finfo(float).tiny))
+    ratio = float(median(length) / max(median(drawn), np.finfo(float).tiny))
     if 1.0 / SCALE_TOLD <= ratio <= SCALE_TOLD:
         return ()
     problem = (
         f"lengths in texture space are {ratio:.3g} times those in the mesh "
-        f"(median edge {1e3 * float(np.median(length)):.3g} mm against {1e3 * float(np.median(drawn)):.3g} mm)"
+        f"(median edge {1e3 * median(length):.3g} mm against {1e3 * median(drawn):.3g} mm)"
     )
     guessed = _other_unit(mesh, ratio)
     off = {unit: abs(float(np.log(ratio * METRES_PER[unit] / metres_per_uv))) for unit in LENGTH_UNITS}

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.chunks import map_chunks
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh
+from warp_cloth.base.quantiles import median
 from warp_cloth.base.threads import concatenate
 from warp_cloth.base.topology import Topology, build_topology
 from warp_cloth.garment.folds import hinge_angles
@@ -265,7 +266,7 @@ def _laid_out(triangles: Indices, sides: Floats, vertex_count: int, like: Floats
     side_edge = topology.triangle_edges.ravel()
     # an edge between two panels takes the mean of the panels' lengths (model: cloth)
     length = np.bincount(side_edge, sides.ravel(), edge_count) / np.bincount(side_edge, minlength=edge_count)
-    length = np.maximum(length, SHORTEST_EDGE * float(np.median(length)))
+    length = np.maximum(length, SHORTEST_EDGE * median(length))
     averaged = length[topology.triangle_edges]
     even = triangle_areas(averaged)
     flat = map_chunks(

@@ -5,6 +5,7 @@ from warp_cloth.loading.placement import Placement
 from warp_cloth.loading.poses import load_poses
 from warp_cloth.loading.repair import without_area
 from warp_cloth.loading.sizes import check_sizes, was_guessed
+from warp_cloth.loading.stored import load_mesh_once
 
 __all__ = [
     "AXIS_UNKNOWN",
@@ -13,6 +14,7 @@ __all__ = [
     "check_sizes",
     "from_z_up",
     "load_mesh",
+    "load_mesh_once",
     "load_poses",
     "was_guessed",
     "without_area",

@@ -51,6 +51,7 @@ def load_mesh(
     up: UpAxis | None = None,
     rest: RestKey = "mesh",
     placement: Placement = AS_LOADED,
+    data: bytes | None = None,
 ) -> Mesh:
     """Mesh of a file in metres, y up, repaired where that is safe; its ``notes`` list guesses and repairs.
 
@@ -63,12 +64,13 @@ def load_mesh(
         up: up axis of a format that does not state it; None: y.
         rest: with "uv" or "auto", triangles without area are kept if they have one in texture space.
         placement: where the scene puts it; sizes are judged, and units guessed, of the mesh so placed.
+        data: the file's content, where it has been read.
 
     Raises:
         InputError: the file cannot be read or repaired.
     """
     try:
-        raw = read_raw(Path(path), role=role, key=key, prim=prim, up=up)
+        raw = read_raw(Path(path), role=role, key=key, prim=prim, up=up, data=data)
         check(raw)
         used = raw.points[used_ids(raw.corners, len(raw.points))] if len(raw.corners) else raw.points
         declared = raw.metres_per_unit
@@ -147,13 +149,17 @@ def _rest_in_metres(rest: Floats, metres: float) -> Floats:
     return shortest_decimals(rest * metres, half_step(rest) * metres)
 
 
-def read_raw(path: Path, *, role: Role, key: str, prim: str | None, up: UpAxis | None = None) -> RawMesh:
+def read_raw(
+    path: Path, *, role: Role, key: str, prim: str | None, up: UpAxis | None = None, data: bytes | None = None
+) -> RawMesh:
     """Reads a file by its extension; ``up`` is the up axis of a format that does not state it.
+
+    ``data`` is the file's content, where it has been read.
 
     Raises:
         InputError: the file cannot be read.
     """
-    data = content(path)
+    data = content(path) if data is None else data
     kind = path.suffix.lower()
     if up is not None and kind in SUPPORTED and kind not in AXIS_UNKNOWN:
         raise InputError(path, f"{kind} files state their up axis, but {key}.up is given", f"remove {key}.up")

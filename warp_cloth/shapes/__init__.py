@@ -8,6 +8,7 @@ from typing import Any
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.stored_mesh import stored_mesh
 from warp_cloth.shapes.mannequin import mannequin
 from warp_cloth.shapes.measures import SIZE_BODIES, MannequinMeasures
 from warp_cloth.shapes.simple import sphere, square
@@ -26,6 +27,8 @@ __all__ = [
     "tshirt",
 ]
 
+PACKAGES = ("shapes", "base")  # whose code shapes depend on
+
 
 def build_garment(shape: Any, *, body: MannequinMeasures | None = None, cache: Cache | None = None) -> Mesh:
     """Mesh of a scene's garment shape, square or tshirt.
@@ -40,7 +43,9 @@ def build_garment(shape: Any, *, body: MannequinMeasures | None = None, cache: C
             side=shape.side, vertices_per_side=shape.vertices_per_side, height=shape.height, plane=shape.plane
         )
     if shape.kind == "tshirt":
-        return tshirt(size=shape.size, edge=shape.edge_mm / 1000, body=body, cache=cache)
+        edge = shape.edge_mm / 1000
+        make = partial(tshirt, size=shape.size, edge=edge, body=body, cache=cache)
+        return stored_mesh("tshirt", PACKAGES, make, shape.size, edge, body)
     raise InputError("garment.shape", f"kind {shape.kind!r} is unknown", 'use "square" or "tshirt"')
 
 
@@ -55,7 +60,11 @@ def build_avatar(shape: Any, *, cache: Cache | None = None) -> Mesh:
 
 def build_mannequin(measures: MannequinMeasures, cache: Cache) -> Mesh:
     """The mannequin with these measures, from the cache where it is known."""
-    return cache.get_or_make("mannequin", (), partial(mannequin, measures, cache=cache), measures)
+
+    def make() -> Mesh:
+        return stored_mesh("mannequin", PACKAGES, partial(mannequin, measures, cache=cache), measures)
+
+    return cache.get_or_make("mannequin", (), make, measures)
 
 
 def mannequin_measures(shape: Any) -> MannequinMeasures:

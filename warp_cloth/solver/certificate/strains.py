@@ -44,6 +44,11 @@ def measured_strains(model: ClothModel) -> Strains:
     return Strains(_measure_tension(model)[1].numpy(), _measure_weave(model)[1].numpy().reshape(-1, 4))
 
 
+def strain_kernels(precision: str) -> list[wp.Kernel]:
+    """The kernels that measure strains."""
+    return [measure_tension_kernel(precision), measure_weave_kernel(precision)]
+
+
 def edge_strains(model: ClothModel) -> NDArray[np.float64]:
     """Strain (r - L) / L of every edge, shape [E]."""
     return _measure_tension(model)[1].numpy().astype(np.float64)

@@ -1,0 +1,98 @@
+"""The first run on a machine: it is known as such, and its kernels are compiled by several processes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import warp_cloth
+from warp_cloth.base.first_run import FOLDER, is_first_run, kernels_known, note_kernels
+from warp_cloth.cli.warm_up import warm_up
+from warp_cloth.fitting import warm_up as warming
+from warp_cloth.scene import load_scene
+
+FIT = """
+import json, os, sys, threading
+from warp_cloth.base import compiling
+compiling.core_count = lambda: 2
+asked = []
+build = compiling._Compiler.build
+compiling._Compiler.build = lambda self, words, named: asked.append(build(self, words, named)) or asked[-1]
+if sys.argv[1] == "broken":
+    compiling.sys.executable = "/bin/false"
+from warp_cloth.fitting.problem import load_modules
+from warp_cloth.kernels.contact import facing, leaf_order, search_trigger
+import warp as wp
+from warp_cloth.base.device import device_named
+device_named("cpu")
+modules = [wp.get_module(each.__name__) for each in (facing, leaf_order, search_trigger)]
+load_modules(modules, "cpu")
+load_modules(modules, "cpu")
+print(json.dumps([asked, [len(module.execs) for module in modules], len(os.listdir(wp.config.kernel_cache_dir))]))
+"""
+
+
+@pytest.mark.parametrize("how", ["whole", "broken"])
+def test_modules_are_compiled_by_other_processes_or_by_this_one(
+    how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WARP_CACHE_PATH", str(tmp_path))
+    ended = subprocess.run([sys.executable, "-c", FIT, how], capture_output=True, text=True, check=True)
+    asked, loaded, folders = json.loads(ended.stdout.splitlines()[-1])
+    assert asked == [how == "whole"] * 3
+    assert loaded == [1, 1, 1]
+    assert folders == 3
+
+
+def test_a_first_run_is_known_until_its_kernels_are_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path / "new" / "cache"))
+    kernels = tmp_path / "kernels"
+    assert is_first_run("cpu")
+    note_kernels("cpu", str(kernels))
+    assert is_first_run("cpu"), "the folder is not there"
+    (kernels / "wp_one").mkdir(parents=True)
+    assert kernels_known("cpu")
+    assert not is_first_run("cpu")
+    assert is_first_run("cuda:0")
+    monkeypatch.setenv("WARP_CACHE_PATH", "elsewhere")
+    assert is_first_run("cpu")
+
+
+@pytest.mark.parametrize("folder", ["off", "file"])
+def test_where_nothing_can_be_noted_no_run_is_called_the_first(
+    folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv(FOLDER, folder if folder == "off" else str(tmp_path / "file"))
+    note_kernels("cpu", str(tmp_path))
+    assert not kernels_known("cpu")
+    assert not is_first_run("cpu")
+
+
+def test_a_fit_notes_its_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    warp_cloth.fit("hanging", device="cpu", overrides=["garment.shape.vertices_per_side=9", "solver.iterations=20"])
+    assert kernels_known("cpu")
+
+
+def test_warm_up_leaves_the_kernels_and_says_where(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    small = ("garment.shape.vertices_per_side=9",)
+    monkeypatch.setattr(warming, "KINDS", (("hanging", small), ("hanging", (*small, "solver.method=multilevel"))))
+    warm_up(device="cpu")
+    assert kernels_known("cpu")
+    written = capsys.readouterr()
+    assert written.out.startswith("cpu is ready")
+    assert str(tmp_path) in written.out
+    assert "multilevel" in written.err
+
+
+def test_every_usual_kind_can_be_loaded() -> None:
+    for scene, changes in warming.KINDS:
+        load_scene(scene, (*changes, warming.ITERATIONS))
