@@ -54,7 +54,7 @@ def fit(
     ] = "",
     colour: Annotated[str, typer.Option(help="The map that colours the garments in the stage.")] = "",
     formats: Annotated[
-        str, typer.Option("--format", help="File formats, separated by commas: usdc, usda, usdz, glb, obj.")
+        str, typer.Option("--format", help="File formats, separated by commas: usdc, usda, usdz, glb, obj, pc2.")
     ] = "usdc",
     start: Annotated[
         Path | None,
@@ -75,11 +75,12 @@ def fit(
     with one_line_errors("on", "fabric"):
         clock = command_clock()
         with what_stays():
-            from warp_cloth.export.formats import check_inputs_kept, chosen_formats
+            from warp_cloth.export.formats import check_frames, check_inputs_kept, chosen_formats
             from warp_cloth.maps.kinds import chosen_colour, chosen_maps
             from warp_cloth.scene import load_scene
         clock.lap("import")
         suffixes = chosen_formats(formats)
+        check_frames(suffixes, frames=frames > 0, remedy="add --frames 48")
         map_names = chosen_maps(maps, place="--maps")
         colour_map = chosen_colour(colour, place="--colour")
         chosen = load_scene(scene, changes or (), on=on, fabric=fabric)

@@ -75,6 +75,7 @@ def head_of(fit: FitResult) -> preview.Head:
 def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
     """Writes the worn garments in every format, and the layer over the user's stage."""
     from warp_cloth.export.meshes import write_glb, write_obj
+    from warp_cloth.export.point_cache import write_point_caches
 
     check_inputs_kept(fit.scene, folder, formats)
     ranges = fit.maps.ranges if fit.maps is not None else {}
@@ -86,7 +87,10 @@ def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Seq
         if suffix == "glb":
             write_glb(path, garments=fit.garments, avatar=fit.avatar, ranges=ranges, colour=colour)
         elif suffix == "obj":
-            write_obj(path, garments=fit.garments)
+            paths.append(write_obj(path, garments=fit.garments))
+        elif suffix == "pc2":
+            paths += write_point_caches(path, garments=fit.garments)
+            continue
         else:
             stage.write_stage(
                 path,
