@@ -51,7 +51,20 @@ class Progress:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(FitResult):
-    """A finished fit: status, worn garments, report."""
+    """A finished fit: whether the garments are worn, what is wrong, their shapes, the report.
+
+    scene     as checked, with what was decided for "auto"
+    status    how the relaxation ended: at_rest, iteration_limit, diverged, invalid
+    worn      at rest, without a problem that is more than a note
+    problems  what is wrong, likeliest cause first: each a code, a message, a remedy, vertices and faces
+    message   the verdict in words
+    garments  a WornGarment each: points [m], shape [V, 3]; fields; edge_strain, face_strains
+    avatar    the body's mesh [m]; None without one
+    report    what report.json holds
+    device    on which it was made
+    maps      ranges of the requested maps' colours; None: no maps
+    ease      girths as cut less the body's [m], by garment and level
+    """
 
     def __repr__(self) -> str:
         problems = ", ".join(problem.code.value for problem in self.problems)
