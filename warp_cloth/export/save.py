@@ -22,6 +22,8 @@ from warp_cloth.report.shown import ease_lines, shown_verdict
 from warp_cloth.scene import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES
 
+PICTURE_SIZE = (1800, 900)  # [px]
+
 
 @one_thread_at_a_time
 def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str]) -> list[Path]:
@@ -45,6 +47,8 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
         device=fit.device,
         head=head_of(fit),
         problems=[problem for problem in fit.problems if not problem.code.is_note],
+        size=PICTURE_SIZE,
+        placed=True,
     )
     paths += [picture, report]
     for name in set(MAPS) - set(ranges):  # of an earlier run: they would be taken for this one's
