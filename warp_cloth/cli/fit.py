@@ -200,6 +200,9 @@ def batch(
     sheet: Annotated[
         int, typer.Option(help="Thumbnails on contact_sheet.html, the worst items first; 0: no such page.")
     ] = 0,
+    ease: Annotated[
+        bool, typer.Option(help="Measure ease at chest, waist and hip: 0.07 s of a core for each item.")
+    ] = True,
 ) -> None:
     """Fit many scenes. If it is interrupted, the same command continues where it stopped.
 
@@ -231,6 +234,7 @@ def batch(
                 keep=keep,  # type: ignore[arg-type]
                 shard=shard,
                 sheet=sheet,
+                ease=ease,
                 progress=display,
             )
     for line in batch_summary(report):
