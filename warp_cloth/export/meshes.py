@@ -40,7 +40,7 @@ def write_glb(
     scene = trimesh.Scene()
     for index, worn in enumerate(garments):
         attributes = {f"_{name}": values.astype(np.float32) for name, values in worn.fields.items()}
-        for name, faces in panel_faces(worn.mesh):
+        for name, faces in _panel_faces(worn.mesh):
             attributes[f"{PANEL_ATTRIBUTE}{name}"] = _touched(worn.mesh, faces)
         mesh = _smooth(worn.points, worn.mesh, attributes)
         kind, base = kind_named(colour), linear(cloth_colour(index))
@@ -72,7 +72,7 @@ def _smooth(points: NDArray[np.float64], mesh: Mesh, attributes: dict[str, NDArr
     )
 
 
-def panel_faces(mesh: Mesh) -> Iterator[tuple[str, NDArray[np.int64]]]:
+def _panel_faces(mesh: Mesh) -> Iterator[tuple[str, NDArray[np.int64]]]:
     """Each panel's name, in one word that no other panel has, and its triangles."""
     taken: set[str] = set()
     for panel in np.unique(mesh.panels).tolist() if mesh.panels is not None else ():
@@ -149,7 +149,7 @@ def material_file(path: Path) -> Path:
 def _grouped(rows: Sequence[str], mesh: Mesh) -> Iterator[str]:
     """Rows of faces in their order, a group's name where another panel begins."""
     names = dict.fromkeys(range(len(rows)), "")
-    for name, faces in panel_faces(mesh):
+    for name, faces in _panel_faces(mesh):
         names.update(dict.fromkeys(faces.tolist(), name))
     group = ""
     for face, row in enumerate(rows):
