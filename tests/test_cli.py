@@ -149,7 +149,7 @@ def test_wrong_usage_is_one_line_and_exit_2(
 def test_scenes_lists_every_scene_and_fabric_on_one_line_each() -> None:
     lines = call("scenes").stdout.splitlines()
     names = [line.split()[0] for line in lines if line.startswith("  ")]
-    assert names[:3] == ["hanging", "sphere", "tshirt"]
+    assert names[:6] == ["hanging", "shirt", "skirt", "sphere", "trousers", "tshirt"]
     assert {"cotton", "denim", "felt"} < set(names)
     assert len(names) == len(set(names))
 

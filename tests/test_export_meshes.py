@@ -1,7 +1,9 @@
-"""GLB and OBJ hold the worn mesh: vertices in their order, in metres."""
+"""GLB, OBJ and point caches hold the worn mesh: vertices in their order, in metres."""
 
 from __future__ import annotations
 
+import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +12,12 @@ import trimesh
 from worn import box_avatar, worn
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.export.formats import chosen_formats
+from warp_cloth.base.mesh import vertex_normals
+from warp_cloth.export.formats import check_frames, chosen_formats
 from warp_cloth.export.meshes import write_glb, write_obj
+from warp_cloth.export.point_cache import write_point_caches
 from warp_cloth.loading import load_mesh
+from warp_cloth.material.fabric import fabric_named
 
 FLOAT32 = 1e-7  # [m], near 1 m
 BYTE = 1 / 255
@@ -28,9 +33,58 @@ def test_glb_keeps_vertices_their_order_and_maps(tmp_path: Path) -> None:
     assert np.abs(shirt.vertices - garment.points).max() < FLOAT32
     assert np.array_equal(shirt.faces, garment.mesh.triangles)
     assert np.allclose(np.ravel(shirt.vertex_attributes["_pressure"]), garment.fields["pressure"])
-    colours = shirt.visual.vertex_colors[:, :3] / 255
+    colours = shirt.visual.vertex_attributes["color"][:, :3] / 255
     assert np.abs(colours[0] - (0.058, 0.0003, 0.089)).max() < 2 * BYTE  # viridis' dark end in linear light
     assert set(scene.geometry) == {"shirt", "body"}
+
+
+def test_glb_has_smooth_normals_panels_and_materials_named_by_garment_and_fabric(tmp_path: Path) -> None:
+    path = tmp_path / "fit.glb"
+    plain, jersey = worn("wide coat"), replace(worn("shirt", toward=0.6), fabric=fabric_named("jersey"))
+    write_glb(path, garments=[plain, jersey], avatar=box_avatar(), ranges={})
+    scene = trimesh.load(path, process=False)
+    for name, points, triangles in (
+        ("shirt", jersey.points, jersey.mesh.triangles),
+        ("body", box_avatar().points, box_avatar().triangles),
+    ):
+        assert np.abs(scene.geometry[name].vertex_normals - vertex_normals(points, triangles)).max() < 1e-6
+    materials = {name: part.visual.material.name for name, part in scene.geometry.items()}
+    assert materials == {"wide coat": "wide_coat", "shirt": "shirt_jersey", "body": "body"}
+    front = np.ravel(scene.geometry["shirt"].vertex_attributes["_panel_front"])
+    mesh = jersey.mesh
+    assert np.array_equal(np.flatnonzero(front), np.unique(mesh.triangles[mesh.panels == 0]))
+    assert "_panel_panel_2" in scene.geometry["shirt"].vertex_attributes
+
+
+def test_obj_names_materials_and_has_normals_at_each_corner(tmp_path: Path) -> None:
+    path = tmp_path / "my fit.obj"
+    garment = replace(worn("wide coat"), fabric=fabric_named("jersey"))
+    assert write_obj(path, garments=[garment]) == tmp_path / "my_fit.mtl"
+    lines = path.read_text().splitlines()
+    assert lines[0] == "mtllib my_fit.mtl"
+    assert "newmtl wide_coat_jersey" in (tmp_path / "my_fit.mtl").read_text().splitlines()
+    assert "usemtl wide_coat_jersey" in lines
+    normals = np.array([line.split()[1:] for line in lines if line.startswith("vn ")], dtype=float)
+    assert np.abs(normals - vertex_normals(garment.points, garment.mesh.triangles)).max() < 1e-5
+    corners = [corner.split("/") for line in lines if line.startswith("f ") for corner in line.split()[1:]]
+    assert all(vertex == normal for vertex, _, normal in corners)
+
+
+def test_point_caches_hold_every_frame_of_each_garment(tmp_path: Path) -> None:
+    garments = [worn("shirt", frame_count=4), worn("coat")]
+    paths = write_point_caches(tmp_path / "fit.pc2", garments=garments)
+    assert [path.name for path in paths] == ["fit_shirt.pc2", "fit_coat.pc2"]
+    for path, frames in zip(paths, (garments[0].frames, garments[1].points[None].astype(np.float32)), strict=True):
+        signature, version, points, start, rate, samples = struct.unpack("<12siiffi", path.read_bytes()[:32])
+        assert (signature, version, start, rate) == (b"POINTCACHE2\0", 1, 1.0, 1.0)
+        shapes = np.frombuffer(path.read_bytes(), dtype="<f4", offset=32).reshape(samples, points, 3)
+        assert np.array_equal(shapes, frames)
+
+
+def test_a_point_cache_without_frames_is_refused_before_the_work() -> None:
+    check_frames(("usdc",), frames=False, remedy="add --frames 48")
+    with pytest.raises(InputError, match="pc2 holds intermediate shapes, and there are none; add --frames 48"):
+        check_frames(("pc2",), frames=False, remedy="add --frames 48")
 
 
 def test_obj_keeps_vertices_their_order_panels_and_texture(tmp_path: Path) -> None:

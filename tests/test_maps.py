@@ -26,9 +26,9 @@ from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.maps import MAPS, chosen_maps, measure_maps
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import rounded_up, shown_range
-from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
 from warp_cloth.material.constants import even_network
 from warp_cloth.material.fabric import Fabric
+from warp_cloth.material.strain import face_strains, vertex_areas, vertex_means
 from warp_cloth.shapes import MannequinMeasures, mannequin, sphere, tshirt
 from warp_cloth.solver.certificate.certifier import Certifier
 from warp_cloth.solver.relax import Relaxation
@@ -37,6 +37,23 @@ from warp_cloth.solver.step_options import StepOptions
 ROUNDING = 1e-9  # of float64 strains
 CLOSED_FORM = 0.05  # of a map against its closed form
 GIRTH = 3e-3  # [m]; 1 % of the stature between two levels looked at, where girths change least
+
+
+def test_a_garment_has_the_strains_of_its_edges_and_faces_without_request() -> None:
+    result = fit("hanging", device="cpu", maps="strain", overrides=["garment.shape.vertices_per_side=9"])
+    (worn,) = result.garments
+    assert worn.edge_strain.shape == (len(worn.edges),)
+    strain = result.report["strain"]
+    assert [worn.edge_strain.max(), worn.edge_strain.min()] == pytest.approx([strain["max"], strain["min"]], abs=1e-6)
+    assert set(worn.face_strains) == {"strain", "strain_warp", "strain_weft", "strain_bias", "shear"}
+    mesh, sheet = worn.mesh, worn.rest.sheet
+    of_faces = worn.face_strains["strain"]
+    assert of_faces.shape == (mesh.triangle_count,)
+    mean = vertex_means(of_faces, sheet.areas, mesh.triangles, mesh.vertex_count)
+    assert mean == pytest.approx(worn.fields["strain"], abs=1e-6)
+    read = replace(worn, rest=None)
+    with pytest.raises(InputError, match="was read from a file without its rest shape; fit it again"):
+        _ = read.edge_strain
 
 
 def panels(mesh: Mesh) -> Mesh:

@@ -13,7 +13,7 @@ from worn import box_avatar, worn
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.export.picture_head import Head, wrapped
-from warp_cloth.export.preview import BACKGROUND, write_preview
+from warp_cloth.export.preview import BACKGROUND, PLACED_WIDTH, write_preview
 from warp_cloth.export.surface import cloth_colour, linear, srgb, winds_outward
 from warp_cloth.model.result import WornGarment
 from warp_cloth.report.shown import WORN
@@ -156,3 +156,13 @@ def test_cuda_draws_the_same_picture(tmp_path: Path) -> None:
     on_cuda = pictured(tmp_path / "b.png", garment, avatar=body, device="cuda:0")
     # rounding moves single samples at edges; the picture as a whole is the same
     assert (np.abs(on_cpu - on_cuda).max(axis=-1) > 2).mean() < 0.01
+
+
+def test_the_garments_as_placed_stand_beside_the_worn_ones(tmp_path: Path) -> None:
+    shirt = worn()
+    low = replace(shirt, mesh=replace(shirt.mesh, points=shirt.points - np.array([0.0, 0.6, 0.0])))
+    image = pictured(tmp_path / "placed.png", low, avatar=box_avatar(), placed=True)
+    left = image[:, : round(PLACED_WIDTH * SIZE[0])]
+    rows = [np.flatnonzero(blue(part).any(axis=1)) for part in (left, image[:, left.shape[1] :])]
+    assert min(map(len, rows)) > 0
+    assert rows[0].mean() > rows[1].mean()  # lower down

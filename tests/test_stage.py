@@ -14,6 +14,7 @@ from worn import FRAME_COUNT, box_avatar, worn
 from warp_cloth.base.errors import InputError
 from warp_cloth.export.stage import FIRST_FRAME, write_stage
 from warp_cloth.export.surface import cloth_colour, linear
+from warp_cloth.material.fabric import fabric_named
 from warp_cloth.model.result import WornGarment
 
 # Sums of at most eight float32 cross products, normalised in float64 and rounded once.
@@ -155,6 +156,12 @@ def test_panels_share_out_all_faces(tmp_path: Path) -> None:
     assert np.array_equal(np.sort(faces), np.arange(garment.mesh.triangle_count))
     family = UsdGeom.Subset.GetFamilyType(mesh, UsdShade.Tokens.materialBind)
     assert family == UsdGeom.Tokens.partition
+
+
+def test_materials_are_named_by_garment_and_fabric(tmp_path: Path) -> None:
+    stage = written(tmp_path / "fit.usda", replace(worn("my shirt"), fabric=fabric_named("jersey")), worn("coat"))
+    materials = stage.GetPrimAtPath("/fit/materials").GetChildren()
+    assert [prim.GetName() for prim in materials] == ["my_shirt_jersey", "coat", "body"]
 
 
 def test_every_surface_and_panel_has_a_preview_material(tmp_path: Path) -> None:

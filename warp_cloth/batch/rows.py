@@ -34,8 +34,9 @@ FIGURES: dict[str, tuple[str, ...]] = {
     "penetration_p999_mm": ("penetration_mm", "p999"),
     "penetration_fraction": ("penetration_mm", "fraction"),
 }
+EASE = {"ease_chest_cm": "chest", "ease_waist_cm": "waist", "ease_hip_cm": "hip"}  # and their levels
 INTEGERS = ("vertices", "iterations")
-COLUMNS = ("name", "status", "worn", "problems", "message", *FIGURES, "digest", "file")
+COLUMNS = ("name", "status", "worn", "problems", "message", *EASE, *FIGURES, "digest", "file")
 
 
 @dataclass(frozen=True)
@@ -55,16 +56,28 @@ class ItemResult:
     worn: tuple[WornPoints, ...] = ()
 
 
-def row_of(name: str, fit: Fit, file: str) -> dict[str, Any]:
-    """The row of a finished fit; ``file`` is where its shape is stored."""
+def row_of(name: str, fit: Fit, file: str, *, ease: bool = True) -> dict[str, Any]:
+    """The row of a finished fit; ``file`` is where its shape is stored; ``ease``: whether it is measured."""
     codes = [problem.code.value for problem in fit.problems]
     row: dict[str, Any] = {"name": name, "status": fit.status.value, "worn": fit.worn, "problems": codes}
     row["message"] = fit.message
+    least = least_ease(fit) if ease else {}
+    row |= {column: least.get(level) for column, level in EASE.items()}
     for column, keys in FIGURES.items():
         row[column] = _at(fit.report, keys)
     row["digest"] = points_digest([worn.points for worn in fit.garments])
     row["file"] = file
     return row
+
+
+def least_ease(fit: Fit) -> dict[str, float]:
+    """By level the least ease of the garments that go round it [cm]."""
+    found: dict[str, float] = {}
+    for levels in fit.ease.values():
+        for level, ease in levels.items():
+            if ease is not None:
+                found[level] = min(100.0 * ease, found.get(level, np.inf))
+    return found
 
 
 def empty_row(name: str, status: str, message: str) -> dict[str, Any]:

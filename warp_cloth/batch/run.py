@@ -79,6 +79,7 @@ def run_batch(
     keep: Keep = "arrays",
     shard: int | None = None,
     sheet: int = 0,
+    ease: bool = True,
     progress: Callable[[BatchProgress], None] | None = None,
 ) -> BatchReport:
     """Fits every item of a job file, and continues an earlier run of the same batch.
@@ -93,6 +94,7 @@ def run_batch(
         shard: items per task and file, up to a quarter more where they have the same avatar; None: by device and
             number of items, or as in the folder's earlier run.
         sheet: number of thumbnails on contact_sheet.html, the worst items first; needs ``keep="arrays"``.
+        ease: whether the ease at chest, waist and hip is measured, which takes 0.07 s of a core for each item.
         progress: called with the number of items done.
 
     Raises:
@@ -113,7 +115,7 @@ def run_batch(
     pool = _pool(device, workers, ray)  # its processes start while the jobs are read
     try:
         items = read_jobs(jobs) if isinstance(jobs, (str, Path)) else checked_items(jobs)
-        store = Store(arguments.path(out, "out").absolute(), keep)
+        store = Store(arguments.path(out, "out").absolute(), keep, ease)
         store.open()
         with store.locked():
             store.check_batch(items)

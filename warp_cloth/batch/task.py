@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from warp_cloth.batch.jobs import Item
     from warp_cloth.batch.loading import LoadCache
     from warp_cloth.fitting.fit import Fit
+    from warp_cloth.maps.measure import MeasuredBody
     from warp_cloth.scene import Scene
 
 SMALLER = "use fewer vertices, or a device with more memory"
@@ -76,6 +77,7 @@ class _TaskRun:
     def __init__(self, task: Task, load_cache: LoadCache | None) -> None:
         self._task, self._load_cache = task, load_cache
         self._files: set[Path] = set()
+        self._body: MeasuredBody | None = None  # of the last item: those of a shard mostly have one
 
     @property
     def inputs(self) -> dict[str, list[int]]:
@@ -141,17 +143,24 @@ class _TaskRun:
 
     def _stored(self, item: Item, fit: Fit) -> ItemResult:
         """Writes an item's stage, or returns its points to be packed."""
+        from warp_cloth.maps.measure import MeasuredBody, add_girths
+
         store = self._task.store
+        if store.ease and fit.avatar is not None:
+            if self._body is None or self._body.avatar is not fit.avatar:
+                self._body = MeasuredBody.of(fit.avatar)
+            add_girths(fit, self._body)
         if store.keep == "stages":
             from warp_cloth.export.stage import write_stage
 
             path = store.stages / f"{item.name}.usdc"
             write_stage(path, garments=fit.garments, avatar=fit.avatar, name=item.name)
-            return ItemResult(row_of(item.name, fit, f"stages/{path.name}"))
+            return ItemResult(row_of(item.name, fit, f"stages/{path.name}", ease=store.ease))
         if store.keep == "none":
-            return ItemResult(row_of(item.name, fit, ""))
+            return ItemResult(row_of(item.name, fit, "", ease=store.ease))
         worn = tuple(WornPoints(each.name, each.points, each.mesh.triangles) for each in fit.garments)
-        return ItemResult(row_of(item.name, fit, f"shards/{self._task.shard.label}.npz"), worn)
+        file = f"shards/{self._task.shard.label}.npz"
+        return ItemResult(row_of(item.name, fit, file, ease=store.ease), worn)
 
     def _failure(self, item: Item, error: Exception) -> dict[str, object]:
         """The row of an item that raised; DeviceLostError where no other item can be fitted here either."""

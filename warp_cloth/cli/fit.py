@@ -56,7 +56,7 @@ def fit(
     ] = "",
     colour: Annotated[str, typer.Option(help="The map that colours the garments in the stage.")] = "",
     formats: Annotated[
-        str, typer.Option("--format", help="File formats, separated by commas: usdc, usda, usdz, glb, obj.")
+        str, typer.Option("--format", help="File formats, separated by commas: usdc, usda, usdz, glb, obj, pc2.")
     ] = "usdc",
     start: Annotated[
         Path | None,
@@ -79,11 +79,12 @@ def fit(
         if is_first_run(device):
             print(FIRST_RUN, file=sys.stderr, flush=True)  # before what is imported takes its time
         with what_stays():
-            from warp_cloth.export.formats import check_inputs_kept, chosen_formats
+            from warp_cloth.export.formats import check_frames, check_inputs_kept, chosen_formats
             from warp_cloth.maps.kinds import chosen_colour, chosen_maps
             from warp_cloth.scene import load_scene
         clock.lap("import")
         suffixes = chosen_formats(formats)
+        check_frames(suffixes, frames=frames > 0, remedy="add --frames 48")
         map_names = chosen_maps(maps, place="--maps")
         colour_map = chosen_colour(colour, place="--colour")
         chosen = load_scene(scene, changes or (), on=on, fabric=fabric)
@@ -224,6 +225,9 @@ def batch(
     sheet: Annotated[
         int, typer.Option(help="Thumbnails on contact_sheet.html, the worst items first; 0: no such page.")
     ] = 0,
+    ease: Annotated[
+        bool, typer.Option(help="Measure ease at chest, waist and hip: 0.07 s of a core for each item.")
+    ] = True,
 ) -> None:
     """Fit many scenes. If it is interrupted, the same command continues where it stopped.
 
@@ -255,6 +259,7 @@ def batch(
                 keep=keep,  # type: ignore[arg-type]
                 shard=shard,
                 sheet=sheet,
+                ease=ease,
                 progress=display,
             )
     for line in batch_summary(report):

@@ -10,7 +10,7 @@ from warp_cloth.base.arguments import strings
 from warp_cloth.base.errors import InputError
 from warp_cloth.scene import Scene
 
-FORMATS = ("usdc", "usda", "usdz", "glb", "obj")
+FORMATS = ("usdc", "usda", "usdz", "glb", "obj", "pc2")
 
 
 def chosen_formats(text: str | Sequence[str], *, place: str = "--format") -> tuple[str, ...]:
@@ -23,6 +23,12 @@ def chosen_formats(text: str | Sequence[str], *, place: str = "--format") -> tup
             place, f'"{", ".join(unknown)}" is not a supported format', f"choose from {', '.join(FORMATS)}"
         )
     return names
+
+
+def check_frames(formats: Sequence[str], *, frames: bool, place: str = "--format", remedy: str) -> None:
+    """Refuses a point cache where no intermediate shapes are kept."""
+    if "pc2" in formats and not frames:
+        raise InputError(place, "pc2 holds intermediate shapes, and there are none", remedy)
 
 
 def check_inputs_kept(scene: Scene, folder: Path, formats: Sequence[str]) -> None:

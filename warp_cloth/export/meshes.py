@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Mesh, vertex_normals
 from warp_cloth.export.files import whole_file
-from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear, require_sound
+from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear, material_name, require_sound
 from warp_cloth.maps.colour import colours
 from warp_cloth.maps.kinds import kind_named
 from warp_cloth.model.result import WornGarment
 
 AVATAR_NODE = "_avatar"  # suffix of the name of the avatar's node in a .glb file
+PANEL_ATTRIBUTE = "_panel_"  # and its name: 1 at the vertices of that panel, those of its seams included
+ROUGHNESS = 0.85
+WHITE = np.ones(3)
 
 
 def write_glb(
@@ -25,77 +30,133 @@ def write_glb(
     ranges: dict[str, tuple[float, float]],
     colour: str = "",
 ) -> None:
-    """Writes all meshes in metres, y up; maps as attributes _NAME, and the map ``colour`` as vertex colours too."""
+    """Writes all meshes in metres, y up, with smooth normals and materials named by garment and fabric.
+
+    Maps are attributes _NAME, panels _panel_NAME; the map ``colour`` also becomes vertex colours.
+    """
     import trimesh
 
     require_sound(garments, avatar)
     scene = trimesh.Scene()
     for index, worn in enumerate(garments):
-        mesh = trimesh.Trimesh(
-            worn.points,
-            worn.mesh.triangles,
-            vertex_normals=vertex_normals(worn.points, worn.mesh.triangles),
-            process=False,
-            validate=False,
-            vertex_attributes={f"_{name}": values.astype(np.float32) for name, values in worn.fields.items()},
-        )
-        kind = kind_named(colour)
-        if kind is not None and colour in worn.fields:
+        attributes = {f"_{name}": values.astype(np.float32) for name, values in worn.fields.items()}
+        for name, faces in _panel_faces(worn.mesh):
+            attributes[f"{PANEL_ATTRIBUTE}{name}"] = _touched(worn.mesh, faces)
+        mesh = _smooth(worn.points, worn.mesh, attributes)
+        kind, base = kind_named(colour), linear(cloth_colour(index))
+        painted = kind is not None and colour in worn.fields
+        mesh.visual = trimesh.visual.TextureVisuals(material=_material(material_name(worn), WHITE if painted else base))
+        if kind is not None and painted:
             shown = linear(colours(kind, worn.fields[colour], ranges[colour]))  # COLOR_0 is linear light
-            mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=_bytes(shown))
-        else:
-            base = linear(cloth_colour(index))
-            mesh.visual = trimesh.visual.TextureVisuals(material=_material(base))
+            mesh.visual.vertex_attributes["color"] = _bytes(shown)
         scene.add_geometry(mesh, geom_name=worn.name, node_name=worn.name)
     if avatar is not None:
-        body = trimesh.Trimesh(avatar.points, avatar.triangles, process=False, validate=False)
-        body.visual = trimesh.visual.TextureVisuals(material=_material(linear(AVATAR_COLOUR)))
+        body = _smooth(avatar.points, avatar, {})
+        body.visual = trimesh.visual.TextureVisuals(material=_material(_word(avatar.name), linear(AVATAR_COLOUR)))
         scene.add_geometry(body, geom_name=avatar.name, node_name=f"{avatar.name}{AVATAR_NODE}")
     with whole_file(path) as place:
         place.write_bytes(scene.export(file_type="glb"))
 
 
-def _bytes(colour: np.ndarray) -> np.ndarray:
-    return np.round(255.0 * np.column_stack([colour, np.ones(len(colour))])).astype(np.uint8)
+def _smooth(points: NDArray[np.float64], mesh: Mesh, attributes: dict[str, NDArray[np.float32]]) -> Any:
+    """A trimesh with a normal at each vertex."""
+    import trimesh
 
-
-def _material(colour: np.ndarray) -> object:
-    from trimesh.visual.material import PBRMaterial
-
-    return PBRMaterial(
-        baseColorFactor=[*colour.tolist(), 1.0], metallicFactor=0.0, roughnessFactor=0.85, doubleSided=True
+    return trimesh.Trimesh(
+        points,
+        mesh.triangles,
+        vertex_normals=vertex_normals(points, mesh.triangles),
+        process=False,
+        validate=False,
+        vertex_attributes=attributes,
     )
 
 
-def write_obj(path: Path, *, garments: Sequence[WornGarment]) -> None:
-    """Writes the garments in metres, y up: an object each, a group for each panel, texture coordinates per corner."""
+def _panel_faces(mesh: Mesh) -> Iterator[tuple[str, NDArray[np.int64]]]:
+    """Each panel's name, in one word that no other panel has, and its triangles."""
+    taken: set[str] = set()
+    for panel in np.unique(mesh.panels).tolist() if mesh.panels is not None else ():
+        known = 0 <= panel < len(mesh.panel_names)
+        name = _word(mesh.panel_names[panel]) if known else f"panel_{panel}"
+        while name in taken:
+            name += "_"
+        taken.add(name)
+        yield name, np.flatnonzero(mesh.panels == panel)
+
+
+def _touched(mesh: Mesh, faces: NDArray[np.int64]) -> NDArray[np.float32]:
+    """1 at the vertices of these faces, 0 at the others; shape [V]."""
+    weights = np.zeros(mesh.vertex_count, dtype=np.float32)
+    weights[mesh.triangles[faces]] = 1.0
+    return weights
+
+
+def _bytes(colour: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return np.round(255.0 * np.column_stack([colour, np.ones(len(colour))])).astype(np.uint8)
+
+
+def _material(name: str, colour: NDArray[np.float64]) -> object:
+    from trimesh.visual.material import PBRMaterial
+
+    return PBRMaterial(
+        name=name,
+        baseColorFactor=[*colour.tolist(), 1.0],
+        metallicFactor=0.0,
+        roughnessFactor=ROUGHNESS,
+        doubleSided=True,
+    )
+
+
+def write_obj(path: Path, *, garments: Sequence[WornGarment]) -> Path:
+    """Writes the garments in metres, y up, and their materials beside them; returns the path of the materials' file.
+
+    An object each, a group for each panel, normals per vertex, texture coordinates per corner.
+    """
     require_sound(garments, None)
-    lines: list[str] = []
+    materials = material_file(path)
+    lines = [f"mtllib {_word(materials.name)}"]
+    looks: list[str] = []
     vertex = texcoord = 1
-    for worn in garments:
-        mesh = worn.mesh
+    for index, worn in enumerate(garments):
+        mesh, material = worn.mesh, material_name(worn)
+        red, green, blue = linear(cloth_colour(index)).tolist()
+        looks += [f"newmtl {material}", f"Kd {red:.4g} {green:.4g} {blue:.4g}", f"Pr {ROUGHNESS:g}", "illum 1"]
         lines.append(f"o {_word(worn.name)}")
         lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in worn.points.tolist()]
-        faces = (mesh.triangles.astype(np.int64) + vertex).astype(str)
+        lines += [f"vn {x:.5g} {y:.5g} {z:.5g}" for x, y, z in vertex_normals(worn.points, mesh.triangles).tolist()]
+        points = (mesh.triangles.astype(np.int64) + vertex).astype(str)
+        corners = np.char.add(points, "/")
         if mesh.texcoords is not None:
             unique, place = np.unique(mesh.texcoords.reshape(-1, 2), axis=0, return_inverse=True)
             lines += [f"vt {u:.9g} {v:.9g}" for u, v in unique.tolist()]
-            corners = (place.reshape(-1, 3) + texcoord).astype(str)
-            faces = np.char.add(np.char.add(faces, "/"), corners)
+            corners = np.char.add(corners, (place.reshape(-1, 3) + texcoord).astype(str))
             texcoord += len(unique)
-        rows = [f"f {a} {b} {c}" for a, b, c in faces.tolist()]
-        panel = -1
-        for row, of_panel in zip(
-            rows, (mesh.panels.tolist() if mesh.panels is not None else [-1] * len(rows)), strict=True
-        ):
-            if of_panel != panel:
-                panel = of_panel
-                known = 0 <= panel < len(mesh.panel_names)
-                lines.append(f"g {_word(mesh.panel_names[panel]) if known else f'panel_{panel}'}")
-            lines.append(row)
+        rows = np.char.add(np.char.add(corners, "/"), points).tolist()
+        lines.append(f"usemtl {material}")
+        lines += _grouped([f"f {a} {b} {c}" for a, b, c in rows], mesh)
         vertex += mesh.vertex_count
-    with whole_file(path) as target:
-        target.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    for target, text in ((materials, looks), (path, lines)):
+        with whole_file(target) as file:
+            file.write_text("\n".join(text) + "\n", encoding="utf-8")
+    return materials
+
+
+def material_file(path: Path) -> Path:
+    """The file of an OBJ's materials; a name with spaces would be several in ``mtllib``."""
+    return path.with_name(f"{_word(path.stem)}.mtl")
+
+
+def _grouped(rows: Sequence[str], mesh: Mesh) -> Iterator[str]:
+    """Rows of faces in their order, a group's name where another panel begins."""
+    names = dict.fromkeys(range(len(rows)), "")
+    for name, faces in _panel_faces(mesh):
+        names.update(dict.fromkeys(faces.tolist(), name))
+    group = ""
+    for face, row in enumerate(rows):
+        if names[face] != group:
+            group = names[face]
+            yield f"g {group}"
+        yield row
 
 
 def _word(name: str) -> str:

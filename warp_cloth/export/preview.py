@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -34,6 +34,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 BACKGROUND = (0.94, 0.94, 0.945)  # sRGB
+PLACED_WIDTH = 0.19  # of the picture's width, of the garments as placed
 MARGIN = 0.03  # of the picture's width, left and right of every view
 SMALLEST_EXTENT = 1e-3  # [m], so that even a picture of a point has a scale
 SIDES = {
@@ -72,13 +73,16 @@ def write_preview(
     size: tuple[int, int] = (1500, 900),
     head: Head | None = None,
     problems: Sequence[FitProblem] = (),
+    placed: bool = False,
 ) -> None:
     """Writes a PNG; arguments as in ``preview_image``.
 
     Raises:
         ValueError: a point is not finite.
     """
-    image = preview_image(garments=garments, avatar=avatar, device=device, size=size, head=head, problems=problems)
+    image = preview_image(
+        garments=garments, avatar=avatar, device=device, size=size, head=head, problems=problems, placed=placed
+    )
     save_picture(image, path)
 
 
@@ -90,8 +94,11 @@ def preview_image(
     size: tuple[int, int] = (1500, 900),
     head: Head | None = None,
     problems: Sequence[FitProblem] = (),
+    placed: bool = False,
 ) -> Image.Image:
     """The picture, ``size`` wide and high [px], below its head, with marks where problems are.
+
+    ``placed``: whether the garments as placed before the fit stand beside them, in a scale of their own.
 
     Raises:
         ValueError: a point is not finite.
@@ -100,14 +107,22 @@ def preview_image(
     subject = marked_subject(build_subject(garments, avatar, device), garments, problems)
     margin, height = round(MARGIN * size[0]), text_height(size)
     lines = 0 if head is None else 1 + len(head.lines(height, size[0] - 2 * margin))
-    layout = arrange_windows(subject.extent, size, lines)
-    image = compose_picture(subject, layout, render_views(subject, layout), size, "", "")
+    image = Image.new("RGB", size)
+    left = round(PLACED_WIDTH * size[0]) if placed else 0
+    if placed:
+        start = build_subject([replace(worn, points=worn.mesh.points) for worn in garments], avatar, device)
+        area = left, size[1]
+        layout = arrange_windows(start.extent, area, lines, {"as placed": SIDES["front"]})
+        image.paste(compose_picture(start, layout, render_views(start, layout), area, "", ""))
+    area = size[0] - left, size[1]
+    layout = arrange_windows(subject.extent, area, lines)
+    image.paste(compose_picture(subject, layout, render_views(subject, layout), area, "", ""), (left, 0))
     if head is not None:
         draw_head(image, head, height, margin)
     places = places_of(garments, problems)
     for window in layout.windows:
-        area = window.left, layout.top, window.width, layout.height
-        draw_rings(image, area, window.toward, subject.centre, layout.pixel, places, height)
+        shown = left + window.left, layout.top, window.width, layout.height
+        draw_rings(image, shown, window.toward, subject.centre, layout.pixel, places, height)
     return image
 
 

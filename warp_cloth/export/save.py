@@ -22,6 +22,8 @@ from warp_cloth.report.shown import ease_lines, shown_verdict
 from warp_cloth.scene import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES
 
+PICTURE_SIZE = (1800, 900)  # [px]
+
 
 @one_thread_at_a_time
 def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str]) -> list[Path]:
@@ -45,6 +47,8 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
         device=fit.device,
         head=head_of(fit),
         problems=[problem for problem in fit.problems if not problem.code.is_note],
+        size=PICTURE_SIZE,
+        placed=True,
     )
     paths += [picture, report]
     for name in set(MAPS) - set(ranges):  # of an earlier run: they would be taken for this one's
@@ -75,6 +79,7 @@ def head_of(fit: FitResult) -> preview.Head:
 def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
     """Writes the worn garments in every format, and the layer over the user's stage."""
     from warp_cloth.export.meshes import write_glb, write_obj
+    from warp_cloth.export.point_cache import write_point_caches
 
     check_inputs_kept(fit.scene, folder, formats)
     ranges = fit.maps.ranges if fit.maps is not None else {}
@@ -86,7 +91,10 @@ def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Seq
         if suffix == "glb":
             write_glb(path, garments=fit.garments, avatar=fit.avatar, ranges=ranges, colour=colour)
         elif suffix == "obj":
-            write_obj(path, garments=fit.garments)
+            paths.append(write_obj(path, garments=fit.garments))
+        elif suffix == "pc2":
+            paths += write_point_caches(path, garments=fit.garments)
+            continue
         else:
             stage.write_stage(
                 path,

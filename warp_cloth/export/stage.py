@@ -23,6 +23,7 @@ from warp_cloth.export.surface import (
     Colour,
     cloth_colour,
     linear,
+    material_name,
     require_sound,
 )
 from warp_cloth.model.result import WornGarment
@@ -59,11 +60,12 @@ def write_stage(
     root = author_root(stage, name, frame_count, frames_per_second)
     assembled = len(garments) + (avatar is not None) > 1
     Usd.ModelAPI(root).SetKind(Kind.Tokens.assembly if assembled else Kind.Tokens.component)
-    taken = {MATERIALS}
+    taken, looks = {MATERIALS}, set[str]()
     for index, garment in enumerate(garments):
         part = author_part(root, garment.name, unique_identifier(garment.name, "garment", taken), assembled)
         painted = colour in garment.fields
-        material = author_material(root, part, cloth_colour(index), CLOTH_ROUGHNESS, painted=painted)
+        look = unique_identifier(material_name(garment), "garment", looks)
+        material = author_material(root, look, cloth_colour(index), CLOTH_ROUGHNESS, painted=painted)
         surface = author_mesh(part, garment.mesh, garment.points, garment.frames)
         author_fields(surface, garment.fields, ranges)
         if painted:
@@ -74,7 +76,8 @@ def write_stage(
     if avatar is not None:
         part = author_part(root, avatar.name, unique_identifier(avatar.name, "avatar", taken), assembled)
         if asset is None or not author_reference(part, asset, path):
-            material = author_material(root, part, AVATAR_COLOUR, AVATAR_ROUGHNESS)
+            look = unique_identifier(avatar.name, "avatar", looks)
+            material = author_material(root, look, AVATAR_COLOUR, AVATAR_ROUGHNESS)
             surface = author_mesh(part, avatar, avatar.points, None)
             bind(surface.GetPrim(), material)
             author_collider(surface)
@@ -117,10 +120,10 @@ def author_part(root: Usd.Prim, name: str, identifier: str, assembled: bool) -> 
 
 
 def author_material(
-    root: Usd.Prim, part: Usd.Prim, colour: Colour, roughness: float, *, painted: bool = False
+    root: Usd.Prim, name: str, colour: Colour, roughness: float, *, painted: bool = False
 ) -> UsdShade.Material:
-    """A preview surface, named after its part, in one sRGB colour or, if ``painted``, in the mesh's displayColor."""
-    path = root.GetPath().AppendChild(MATERIALS).AppendChild(part.GetName())
+    """A preview surface of this name in one sRGB colour or, if ``painted``, in the mesh's displayColor."""
+    path = root.GetPath().AppendChild(MATERIALS).AppendChild(name)
     material = UsdShade.Material.Define(root.GetStage(), path)
     shader = UsdShade.Shader.Define(root.GetStage(), path.AppendChild("surface"))
     shader.CreateIdAttr("UsdPreviewSurface")

@@ -29,6 +29,12 @@ def cloth_colour(garment: int) -> Colour:
     return CLOTH_COLOURS[garment % len(CLOTH_COLOURS)]
 
 
+def material_name(garment: WornGarment) -> str:
+    """Name of a garment's material: by garment and fabric, in one word."""
+    parts = [garment.name, garment.fabric.name if garment.fabric is not None else ""]
+    return "_".join(" ".join(parts).split()) or "garment"
+
+
 def linear(srgb: ArrayLike) -> NDArray[np.float64]:
     """Linear light from sRGB values, both 0..1 (IEC 61966-2-1)."""
     value = np.asarray(srgb, dtype=np.float64)

@@ -18,7 +18,7 @@ from warp_cloth.base.device import device_named
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.first_run import note_kernels
 from warp_cloth.base.threads import one_thread_at_a_time
-from warp_cloth.export.formats import chosen_formats
+from warp_cloth.export.formats import check_frames, chosen_formats
 from warp_cloth.fitting.attempts import finished_runs, tried_further
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.measured_maps import with_maps
@@ -54,7 +54,20 @@ class Progress:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(FitResult):
-    """A finished fit: status, worn garments, report."""
+    """A finished fit: whether the garments are worn, what is wrong, their shapes, the report.
+
+    scene     as checked, with what was decided for "auto"
+    status    how the relaxation ended: at_rest, iteration_limit, diverged, invalid
+    worn      at rest, without a problem that is more than a note
+    problems  what is wrong, likeliest cause first: each a code, a message, a remedy, vertices and faces
+    message   the verdict in words
+    garments  a WornGarment each: points [m], shape [V, 3]; fields; edge_strain, face_strains
+    avatar    the body's mesh [m]; None without one
+    report    what report.json holds
+    device    on which it was made
+    maps      ranges of the requested maps' colours; None: no maps
+    ease      girths as cut less the body's [m], by garment and level
+    """
 
     def __repr__(self) -> str:
         problems = ", ".join(problem.code.value for problem in self.problems)
@@ -83,8 +96,8 @@ class Fit(FitResult):
     def save(self, directory: str | Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
         """Writes the result files, and returns their paths.
 
-        These are NAME.usdc (or other ``formats``: usda, usdz, glb, obj), preview.png, report.json, report.html, and a
-        picture of each map. Where the garments came from a USD stage, NAME_over.usda is a layer over that stage.
+        These are NAME.usdc (or other ``formats``: usda, usdz, glb, obj, pc2), preview.png, report.json, report.html,
+        and a picture of each map. Where the garments came from a USD stage, NAME_over.usda is a layer over that stage.
         report.json is written last: if it is there, the result is complete.
 
         Args:
@@ -101,8 +114,10 @@ class Fit(FitResult):
         map_name = chosen_colour(colour, place="colour")
         if map_name and self.maps is None:
             raise InputError("colour", "the fit has no maps", f'fit with maps="{map_name}"')
-        folder = arguments.path(directory, "directory")
-        return save_fit(self, folder, colour=map_name, formats=chosen_formats(formats, place="formats"))
+        folder, chosen = arguments.path(directory, "directory"), chosen_formats(formats, place="formats")
+        framed = any(worn.frames is not None for worn in self.garments)
+        check_frames(chosen, frames=framed, place="formats", remedy="fit with frames=48")
+        return save_fit(self, folder, colour=map_name, formats=chosen)
 
     @classmethod
     def of(cls, result: FitResult) -> Fit:

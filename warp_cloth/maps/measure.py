@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.anatomy.levels import body_levels
+from warp_cloth.anatomy.levels import Level, body_levels
 from warp_cloth.avatar.exact import signed_distances
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.errors import InputError
@@ -16,7 +17,7 @@ from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.garment.garment import Garment
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import MAPS, shown_range
-from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
+from warp_cloth.material.strain import face_strains, vertex_areas, vertex_means
 from warp_cloth.model.result import FitMaps, FitResult, WornGarment
 
 PASCALS = 1e3  # in a kPa
@@ -87,27 +88,43 @@ def measure_maps(
     return FitMaps(tuple(fields), ranges, tuple(notes))
 
 
-def measured_girths(garments: Sequence[WornGarment], avatar: Mesh | None) -> tuple[list[dict[str, Any]], str]:
+@dataclass(frozen=True, eq=False)
+class MeasuredBody:
+    """A body with what girths are measured against; the same for all garments on it."""
+
+    avatar: Mesh
+    surface: Mesh  # the avatar, closed
+    levels: Sequence[Level] | None  # chest, waist and hip; None: it does not stand
+
+    @classmethod
+    def of(cls, avatar: Mesh) -> MeasuredBody:
+        surface = closing_of(avatar).surface(avatar)
+        return cls(avatar, surface, body_levels(surface))
+
+
+def measured_girths(garments: Sequence[WornGarment], body: MeasuredBody | None) -> tuple[list[dict[str, Any]], str]:
     """Girths of body and worn garments at chest, waist and hip [mm], and why there are none, if so."""
-    if avatar is None:
+    if body is None:
         return [], "there is no body"
     if not all(np.isfinite(worn.points).all() for worn in garments):
         return [], "the garment's shape is not finite"
-    surface = closing_of(avatar).surface(avatar)
-    levels = body_levels(surface)
-    if levels is None:
+    if body.levels is None:
         return [], "the body does not stand with its head, its feet, and arms apart from its trunk"
     rows = []
     for worn in garments:
         sheet = worn.rest.sheet if worn.rest is not None else None
-        rows += garment_girths(worn.name, worn.points, sheet, surface, levels)
+        rows += garment_girths(worn.name, worn.points, sheet, body.surface, body.levels)
     return rows, "" if rows else "no garment goes round the trunk at chest, waist or hip"
 
 
-def add_girths(fit: FitResult) -> None:
-    """Measures the girths of a fit, once, into its report: they take a tenth of a second that not every caller has."""
+def add_girths(fit: FitResult, body: MeasuredBody | None = None) -> None:
+    """Measures the girths of a fit, once, into its report: they take a tenth of a second that not every caller has.
+
+    ``body`` is that of the fit's avatar, where it is known.
+    """
     if "girths_mm" not in fit.report:
-        rows, lack = measured_girths(fit.garments, fit.avatar)
+        known = body or (None if fit.avatar is None else MeasuredBody.of(fit.avatar))
+        rows, lack = measured_girths(fit.garments, known)
         fit.report["girths_mm"] = rows
         if lack and fit.avatar is not None:
             fit.report["no_girths"] = lack

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.material.strain import face_strains
 from warp_cloth.model.fit_problem import FitProblem
 
 if TYPE_CHECKING:
@@ -94,7 +97,19 @@ class AttemptRun:
 
 @dataclass(frozen=True, eq=False)
 class WornGarment:
-    """One garment as worn."""
+    """One garment as worn: V vertices, F triangles, E edges.
+
+    name       as in the scene
+    mesh       as loaded: points [m], shape [V, 3]; triangles [F, 3]; panels [F] and panel_names
+    points     worn shape [m], float64 [V, 3]
+    thickness  of the fabric [m]
+    frames     intermediate shapes [m], float32 [N, V, 3], the last as worn; None: none were requested
+    fields     values per vertex, float32 [V], by name: the maps that were requested (strains as fractions, shear in
+               degrees, pressure in kPa, gap in mm), and where crossings were found, their vertices
+    fabric     where known
+    rest       the rest shape: ``edges`` [E, 2], ``edge_strain`` [E] and ``face_strains`` [F] come from it; these need
+               no request, and are computed when they are first read
+    """
 
     name: str
     mesh: Mesh  # as loaded
@@ -104,6 +119,34 @@ class WornGarment:
     fields: dict[str, NDArray[np.float32]] = field(default_factory=dict)  # per-vertex values by name, shape [V]
     fabric: Fabric | None = None  # where known, written with the stage's physics
     rest: RestShape | None = None
+
+    @property
+    def edges(self) -> Indices:
+        """Vertices at the ends of every edge, shape [E, 2]."""
+        return self._rest_shape.topology.edges
+
+    @cached_property
+    def edge_strain(self) -> NDArray[np.float64]:
+        """Strain (r - L) / L of every edge, r its length as worn and L at rest, shape [E]."""
+        ends = self.points[self.edges]
+        length = self._rest_shape.edge_length
+        return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / length - 1.0)
+
+    @cached_property
+    def face_strains(self) -> dict[str, NDArray[np.float64]]:
+        """Strains of every triangle of ``mesh``, by the names of maps, shape [F] each.
+
+        "strain", the largest, and where the warp's direction is known "strain_warp", "strain_weft", "strain_bias", and
+        the angle "shear" [degrees].
+        """
+        sheet = self._rest_shape.sheet
+        return {} if sheet is None else face_strains(self.points, sheet)
+
+    @property
+    def _rest_shape(self) -> RestShape:
+        if self.rest is None:
+            raise InputError(f'garment "{self.name}"', "was read from a file without its rest shape", "fit it again")
+        return self.rest
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,37 @@
+"""Intermediate shapes as point caches (PC2), which follow a mesh of the same vertices in most 3-D programs.
+
+Own code: no kept library on the package index writes PC2, or Alembic. The format is a header of 32 bytes and positions.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from warp_cloth.export.files import whole_file
+from warp_cloth.export.surface import require_sound
+from warp_cloth.model.result import WornGarment
+
+HEADER = struct.Struct("<12siiffi")  # signature, version, points, first frame, frames from sample to sample, samples
+SIGNATURE, VERSION = b"POINTCACHE2\0", 1
+FIRST_FRAME = 1.0  # as in a stage
+
+
+def write_point_caches(path: Path, *, garments: Sequence[WornGarment]) -> list[Path]:
+    """Writes the frames of each garment [m], y up, float32 shape [N, V, 3] after the header; returns their paths.
+
+    These are ``path`` with the garment's name added to its stem. A garment without frames has its worn shape only.
+    """
+    require_sound(garments, None)
+    paths = []
+    for worn in garments:
+        frames = worn.points[None] if worn.frames is None else worn.frames
+        target = path.with_name(f"{path.stem}_{worn.name}.pc2")
+        with whole_file(target) as place, place.open("wb") as file:
+            file.write(HEADER.pack(SIGNATURE, VERSION, frames.shape[1], FIRST_FRAME, 1.0, len(frames)))
+            file.write(np.ascontiguousarray(frames, dtype="<f4").tobytes())
+        paths.append(target)
+    return paths
