@@ -121,7 +121,8 @@ def _points_of(shape: Any, scene: Scene, meshes: Sequence[Mesh]) -> Points:
                 raise InputError(place, fault, "give a shape of the same mesh")
             parts.append(points)
     else:
-        given = list(shape) if isinstance(shape, list | tuple) and len(meshes) > 1 else [shape]
+        is_list = isinstance(shape, list | tuple) and (len(meshes) > 1 or len(shape) == 1)
+        given = list(shape) if is_list else [shape]
         if len(given) != len(meshes):
             raise InputError("shape", f"has {len(given)} arrays for {len(meshes)} garments", "give one for each")
         parts = [_vertices(each, mesh) for each, mesh in zip(given, meshes, strict=True)]

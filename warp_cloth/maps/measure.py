@@ -16,7 +16,7 @@ from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.garment.garment import Garment
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import MAPS, shown_range
-from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
+from warp_cloth.material.strain import face_strains, vertex_areas, vertex_means
 from warp_cloth.model.result import FitMaps, FitResult, WornGarment
 
 PASCALS = 1e3  # in a kPa

@@ -61,6 +61,7 @@ class Worn:
     job: dict[str, str]
     points: Floats  # [m] [V, 3]
     wearer: Wearer
+    at_rest: bool = True
 
     @cached_property
     def garment(self) -> Mesh:
@@ -234,12 +235,19 @@ def refitted(kind: str, good: list[Worn], given: argparse.Namespace) -> Iterator
     chosen = small[:: max(1, len(small) // COUNTS[kind])][: COUNTS[kind]]
     jobs = [resized(worn.job, kind, folder) for worn in chosen]
     run_batch(jobs, [], argparse.Namespace(out=folder, device=given.device, workers=given.workers))
-    shapes = shapes_of(folder / "batch")
+    shapes, ended = shapes_of(folder / "batch"), rows_of(folder / "batch" / "results.csv")
     for worn, job in zip(chosen, jobs, strict=True):
-        yield Worn(job, shapes[job["name"]], worn.wearer)
+        name = job["name"]
+        yield Worn(job, shapes[name], worn.wearer, ended[name]["status"] == "at_rest")
 
 
-def words_of(worn: Worn, at_rest: bool = True) -> tuple[str, str]:
+def rows_of(path: Path) -> dict[str, dict[str, str]]:
+    """A table's rows, by their name."""
+    with path.open() as file:
+        return {row["name"]: row for row in csv.DictReader(file)}
+
+
+def words_of(worn: Worn) -> tuple[str, str]:
     """The program's word and the judge's on a shape."""
     scene = {
         "garment": {"mesh": worn.job["garment.mesh"], "fabric": worn.job["garment.fabric"]},
@@ -247,20 +255,19 @@ def words_of(worn: Worn, at_rest: bool = True) -> tuple[str, str]:
     }
     found = warp_cloth.judge(scene, worn.points, device="cpu")
     codes = [problem.code.value for problem in found.problems if not problem.code.is_note]
-    codes += [] if at_rest else ["not_at_rest"]
-    return " ".join(codes) or "worn", str(judge(worn.garment, worn.points, worn.wearer, at_rest=at_rest))
+    codes += [] if worn.at_rest else ["not_at_rest"]
+    return " ".join(codes) or "worn", str(judge(worn.garment, worn.points, worn.wearer, at_rest=worn.at_rest))
 
 
 def worn_designs(given: argparse.Namespace) -> tuple[list[Worn], dict[str, dict[str, str]]]:
     """The designs of ``--good`` that have a shape, and what is said of them there."""
-    with (given.good / "judged.csv").open() as file:
-        rows = {row["name"]: row for row in csv.DictReader(file)}
+    rows = rows_of(given.good / "judged.csv")
     shapes, wearers, found = shapes_of(given.good / "batch"), {}, []
     for job in designs_of(given.designs, given.data, []):
         if job["name"] in shapes:
             body = job["avatar.mesh"]
             wearers[body] = wearers.get(body) or Wearer.of(read_obj(Path(body)))
-            found.append(Worn(job, shapes[job["name"]], wearers[body]))
+            found.append(Worn(job, shapes[job["name"]], wearers[body], rows[job["name"]]["status"] == "at_rest"))
     return found, rows
 
 
@@ -282,13 +289,13 @@ def main() -> None:
     good = [each for each in good if rows[each.job["name"]]["judge"] == "good"]
     table: list[tuple[str, ...]] = []
 
-    def ask(kind: str, worn: Worn, at_rest: bool = True) -> None:
-        table.append((worn.job["name"], kind, *words_of(worn, at_rest)))
+    def ask(kind: str, worn: Worn) -> None:
+        table.append((worn.job["name"], kind, *words_of(worn)))
         np.savez_compressed(given.out / f"{worn.job['name']}.npz", points=worn.points)
         print("  ".join(table[-1]), flush=True)
 
     for worn in designs if given.unspoiled else ():
-        ask("unspoiled", worn, rows[worn.job["name"]]["status"] == "at_rest")
+        ask("unspoiled", worn)
     for kind in given.kinds:
         made = refitted(kind, good, given) if kind in SIZES else spoiled_shapes(kind, good)
         for worn in islice(made, COUNTS[kind]):
