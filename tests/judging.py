@@ -7,19 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.avatar.exact import exact_colliders
 from warp_cloth.base.mesh import Points
-from warp_cloth.contact.garments import worn_crossings
-from warp_cloth.fitting.overlap import avatar_overlaps
+from warp_cloth.fitting.judge import measured_shape
 from warp_cloth.garment.outfit import Outfit, load_outfit
 from warp_cloth.model.attempt import first_attempt
 from warp_cloth.model.fit_problem import FitProblem
 from warp_cloth.model.result import Residual, Status
-from warp_cloth.report.measurements import Measurements
 from warp_cloth.report.problems import find_problems
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
-from warp_cloth.solver.certificate.strains import strain_summary
 from warp_cloth.solver.loop import Outcome
 
 
@@ -48,15 +44,8 @@ def judge(
 ) -> dict[str, FitProblem]:
     """The problems of garments at these points [m], shape [V, 3], by code; None: where they start."""
     points = np.concatenate([garment.points for garment in outfit.garments]) if worn is None else worn
-    topologies = [garment.rest.topology for garment in outfit.garments]
-    starts = np.cumsum([0, *(len(garment.points) for garment in outfit.garments)])
-    ends = np.concatenate([topology.edges + at for topology, at in zip(topologies, starts, strict=False)])
-    natural = np.concatenate([garment.rest.edge_length for garment in outfit.garments])
-    strains = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1) / natural - 1.0
-    (overlap,) = avatar_overlaps([outfit], [points], [strains], exact_colliders([outfit.avatar], "cpu"))
-    (crossings,) = worn_crossings([outfit], [points], "cpu")
     check = check or Check(100, Residual(0.0, 0.0, 0.0, 0.0, 0.0), 0.0, True)
-    measured = Measurements(strain_summary(strains), {}, strains, overlap, crossings, contact)
+    measured = measured_shape(outfit, points, "cpu", contact)
     outcome = Outcome(status, check, points, check.iteration, 0.0, moved=moved)
     found = find_problems(scene, outfit, outcome, measured, Tolerance())
     return {problem.code.value: problem for problem in found}

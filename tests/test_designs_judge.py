@@ -147,6 +147,15 @@ def test_a_sleeve_on_the_other_arm_is_on_a_wrong_limb(wearer: Wearer) -> None:
     assert Word.WRONG_LIMB in judged(sleeve, sleeve.points + np.array((1.0, 0.0, 0.0)), wearer).words
 
 
+@pytest.mark.parametrize(("middle", "told"), [(-0.6, False), (-0.75, True)])
+def test_a_hand_that_does_not_come_out_of_its_sleeve_is_in_one_too_large(
+    wearer: Wearer, middle: float, told: bool
+) -> None:
+    """The arm ends 0.75 m from the middle, the sleeve 0.1 m farther out than its own middle."""
+    sleeve = tube((middle, 1.35, 0.0), (0.06, 0.06), 0.2, along=0)
+    assert (Word.TOO_LARGE in judged(sleeve, sleeve.points, wearer).words) == told
+
+
 def test_a_hand_inside_a_long_sleeve_leaves_by_the_cuff(wearer: Wearer) -> None:
     sleeve = tube((-0.75, 1.35, 0.0), (0.06, 0.06), 0.4, along=0)
     points = sleeve.points.copy()

@@ -116,7 +116,7 @@ def test_padding_moves_the_skin_near_what_shows_and_no_other() -> None:
 
 
 def test_where_all_edges_are_short_no_face_is_asked_for() -> None:
-    for size, asked in ((0.0125, False), (0.03, True)):
+    for size, asked in ((0.0095, False), (0.03, True)):
         mesh = grid(5, 4.0 * size)
         longest = float(np.linalg.norm(np.ptp(mesh.points[mesh.triangles], axis=1), axis=1).max())
         assert may_show(longest) == asked

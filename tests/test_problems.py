@@ -262,7 +262,7 @@ def test_a_top_opening_that_came_down_far_has_slid_off(tmp_path: Path, down: flo
         assert len(problem.vertices) == 36
 
 
-@pytest.mark.parametrize(("wider", "told"), [(1.3, True), (1.15, False)])
+@pytest.mark.parametrize(("wider", "told"), [(1.35, True), (1.25, False)])
 def test_a_tube_stretched_all_around_is_too_small(tmp_path: Path, wider: float, told: bool) -> None:
     scene, outfit = loaded(tube(tmp_path)[0])
     problem = judge(scene, outfit, outfit.garments[0].points * [wider, 1.0, wider]).get("too_small")
@@ -295,17 +295,14 @@ def crossed(count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([points, other]), np.concatenate([faces, faces + len(points)])
 
 
-@pytest.mark.parametrize(
-    ("cloth", "count", "told"), [(True, 8, True), (False, 8, True), (True, 60, True), (False, 60, False)]
-)
-def test_cloth_through_cloth_is_a_crossing(tmp_path: Path, cloth: bool, count: int, told: bool) -> None:
-    """Without contact of cloth a few crossing faces are let pass."""
+@pytest.mark.parametrize(("cloth", "count"), [(True, 8), (False, 8), (True, 60), (False, 60)])
+def test_cloth_through_cloth_is_a_crossing(tmp_path: Path, cloth: bool, count: int) -> None:
+    """Without contact of cloth, too."""
     write_obj(tmp_path / "cross.obj", *crossed(count))
     garment = {"mesh": str(tmp_path / "cross.obj"), "units": "m", "pin": {"loop": 0}}
-    problem = judge(*loaded({"garment": garment, "collision": {"cloth": cloth}})).get("crossing")
-    assert (problem is not None) == told
-    if problem is not None:
-        assert problem.figures["faces"] == len(problem.faces) > 0
+    problem = judge(*loaded({"garment": garment, "collision": {"cloth": cloth}}))["crossing"]
+    assert problem.figures["faces"] == len(problem.faces) > 0
+    assert ("collision.cloth" in problem.remedy) == (not cloth)
 
 
 def contact(p99: float) -> dict[str, Any]:

@@ -10,7 +10,8 @@ import pytest
 import warp_cloth
 from warp_cloth.base.errors import InputError
 from warp_cloth.export.save import write_meshes
-from warp_cloth.fitting.fit import Fit, _earlier
+from warp_cloth.fitting.fit import Fit
+from warp_cloth.fitting.warm_start import earlier_garments
 from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
 
@@ -79,15 +80,15 @@ def test_garments_of_a_result_are_told_by_their_names(tmp_path: Path) -> None:
     write_meshes(both, tmp_path, formats=("usdc", "glb", "obj"))
     lower = load_scene({**sheets(), "garment": sheets(0.9, 0.7)["garment"][1]})  # type: ignore[index]
     for start in (both, *(tmp_path / f"scene.{suffix}" for suffix in ("usdc", "glb"))):
-        (worn,) = _earlier(start, lower)
+        (worn,) = earlier_garments(start, lower)
         np.testing.assert_allclose(worn[1], both.garments[1].points, atol=1e-6)
         for names in (["another"], ["upper", "lower", "third"]):
             spec = {**sheets(), "garment": [{**sheets(0.9)["garment"][0], "name": name} for name in names]}  # type: ignore[index]
             told = rf'has "upper", "lower", but the scene has "{names[0]}".*garment\.name'
             with pytest.raises(InputError, match=told):
-                _earlier(start, load_scene(spec))
+                earlier_garments(start, load_scene(spec))
     with pytest.raises(InputError, match=r'scene\.obj: has "scene", but the scene has "upper", "lower"'):
-        _earlier(tmp_path / "scene.obj", both.scene)
+        earlier_garments(tmp_path / "scene.obj", both.scene)
 
 
 def test_a_start_that_corresponds_to_nothing_is_refused(first: Fit, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@
 
 fit         fits the garments of one scene, or fit("shirt.obj", on="body.obj"); returns a Fit
 Fitter      fits one scene again and again, in other fabrics or sizes: Fitter("tshirt").fit(size="L"); the same bits
+judge       says what is wrong with a given shape of garments, without a fit; returns a Judgement
 load_scene  reads and checks a scene, with changes: load_scene("tshirt", {"garment.fabric": "denim"})
 Fit         whether it is worn, problems, garments, report; save() writes them
 FitProblem  what is wrong with a fit: a ProblemCode, a message, a remedy, figures, vertices and faces
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from warp_cloth.base.mesh import Mesh
     from warp_cloth.fitting.fit import Fit, Progress, fit
     from warp_cloth.fitting.fitter import Fitter
+    from warp_cloth.fitting.judge import Judgement, judge
     from warp_cloth.model.fit_problem import FitProblem, ProblemCode
     from warp_cloth.model.result import Status, WornGarment
     from warp_cloth.scene import Scene, load_scene
@@ -45,6 +47,7 @@ __all__ = [
     "FitProblem",
     "Fitter",
     "InputError",
+    "Judgement",
     "Mesh",
     "ProblemCode",
     "Progress",
@@ -52,6 +55,7 @@ __all__ = [
     "Status",
     "WornGarment",
     "fit",
+    "judge",
     "load_scene",
 ]
 
@@ -59,6 +63,7 @@ _MODULES = {
     "Fit": "fitting.fit",
     "FitProblem": "model.fit_problem",
     "Fitter": "fitting.fitter",
+    "Judgement": "fitting.judge",
     "Mesh": "base.mesh",
     "ProblemCode": "model.fit_problem",
     "Progress": "fitting.fit",
@@ -66,6 +71,7 @@ _MODULES = {
     "Status": "model.result",
     "WornGarment": "model.result",
     "fit": "fitting.fit",
+    "judge": "fitting.judge",
     "load_scene": "scene",
 }
 

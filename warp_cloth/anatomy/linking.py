@@ -14,17 +14,16 @@ import numpy as np
 
 from warp_cloth.anatomy.crossings import cone_crossings, surface_crossings
 from warp_cloth.anatomy.geodesics import Floats
-from warp_cloth.anatomy.openings import ARMS, LEGS, Limbs, Opening, limbs_for
-from warp_cloth.anatomy.skeleton import HEAD, LEFT_LEG, LIMBS, RIGHT_LEG, Skeleton
+from warp_cloth.anatomy.openings import ARMS, Limbs, Opening, limbs_for
+from warp_cloth.anatomy.shoulders import slipped_off
+from warp_cloth.anatomy.skeleton import HEAD, LIMBS, Skeleton
 from warp_cloth.base.mesh import Indices, Points
 
 SLEEVED = tuple((arm,) for arm in ARMS)  # whom a sleeve is for
 SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most where its waist holds it
 FAR_TRUNK = 0.08  # of the body's span, from the middle of its openings: the trunk is not where its garment is
 FAR_WAIST = 0.25  # [m] above or below the waist: low trousers and high skirts begin nearer
-NEAR_CROTCH, FAR_CROTCH = 0.1, 0.3  # [m] nearer to a leg's own opening than to the other's
-LEGS_MEET = 0.01  # [m] over the middle; legs that touch are no trouble
-LEGS_GAP = 0.02  # [m] from the middle, to which a leg that starts in the other one is moved
+COVERED = 0.03  # [m] of a sleeve beyond the fingertips, or of a leg beyond the toes, that is too long
 FAR_SLEEVE = 0.3  # [m] above or below the shoulders: sleeves of any length begin nearer
 
 
@@ -49,6 +48,21 @@ def misplaced_openings(
         through = [limbs_through(*rings.ring(level), skeleton.curves) for level in range(rings.count)]
         if not any(_fits(limbs, each) for each in through):
             found.append(Misplaced(opening, limbs, through[-1]))
+    return found
+
+
+def covered_limbs(
+    openings: Sequence[Opening], wanted: Sequence[Limbs], points: Points, triangles: Indices, skeleton: Skeleton
+) -> list[tuple[Opening, Limbs]]:
+    """The ends of sleeves and legs that their limb does not come out of, but ends in the tube, COVERED behind them."""
+    found = []
+    for opening, limbs in zip(openings, wanted, strict=True):
+        ring = opening.ring_behind(points, triangles, COVERED) if len(limbs) == 1 and limbs != (HEAD,) else None
+        if ring is None or _fits(limbs, limbs_through(*ring.ring(0), skeleton.curves)):
+            continue
+        rings = opening.rings(points, triangles)
+        if any(_fits(limbs, limbs_through(*rings.ring(level), skeleton.curves)) for level in range(1, rings.count)):
+            found.append((opening, limbs))
     return found
 
 
@@ -100,32 +114,6 @@ class Wearing:
     def distances(self) -> dict[Limbs, Floats]:
         """The vertices' distances from each opening, by the limbs that it is for [m], each of shape [V]."""
         return {limbs: opening.distances for opening, limbs in zip(self.openings, self.limbs, strict=True)}
-
-    def legs_apart(self, points: Points) -> Points:
-        """Legs of trousers at ``points`` [m] that reach into each other, as wide ones do, moved apart; shape [V, 3]."""
-        overlap, distances = self._legs_overlap(points), self.distances()
-        if overlap <= LEGS_MEET:
-            return points
-        moved = points.copy()
-        for leg, other, outward in (
-            (RIGHT_LEG, LEFT_LEG, -self.skeleton.left),
-            (LEFT_LEG, RIGHT_LEG, self.skeleton.left),
-        ):
-            share = np.clip((distances[other,] - distances[leg,]) / FAR_CROTCH, 0.0, 1.0)
-            moved += (overlap + LEGS_GAP) * share[:, None] * outward
-        return moved
-
-    def _legs_overlap(self, points: Points) -> float:
-        """How far both legs of trousers reach over the middle [m]."""
-        distances = self.distances()
-        if any((leg,) not in distances for leg in LEGS):
-            return 0.0
-        across = (points - self.skeleton.middle) @ self.skeleton.left
-        deepest = []
-        for leg, other, outward in ((RIGHT_LEG, LEFT_LEG, -1.0), (LEFT_LEG, RIGHT_LEG, 1.0)):
-            own = distances[leg,] < distances[other,] - NEAR_CROTCH
-            deepest.append(-float((outward * across[own]).min(initial=0.0)))
-        return min(deepest)
 
     @cached_property
     def misplaced_at_start(self) -> list[Misplaced]:
@@ -195,6 +183,15 @@ class Wearing:
             up = -max(heights, default=0.0)
             shift = shift + skeleton.up * (up if abs(up) > FAR_WAIST else 0.0)
         return shift
+
+    def covered(self, points: Points) -> list[tuple[Opening, Limbs]]:
+        """The ends of sleeves and legs that are too long for their limb, with the garment at ``points`` [m]."""
+        return covered_limbs(self.openings, self.limbs, points, self.triangles, self.skeleton)
+
+    def off_shoulders(self, points: Points, body: Points) -> Limbs:
+        """The arms whose shoulder the garment at ``points`` [m] has slipped off; ``body``: its vertices [m]."""
+        start = self.start + self.shift
+        return slipped_off(self.limbs, start, points, self.triangles, body, self.skeleton)
 
     def pierced(self, points: Points) -> Limbs:
         """The limbs that the cloth at ``points`` [m] runs through the middle of."""

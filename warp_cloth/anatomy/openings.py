@@ -36,6 +36,12 @@ class Opening:
         levels = np.concatenate([[1e-4], np.linspace(0.0, 0.95 * max(self.depth, 2e-3), RINGS)[1:]])
         return level_lines(points, triangles, self.distances, levels)
 
+    def ring_behind(self, points: Points, triangles: Indices, distance: float) -> LevelLines | None:
+        """The ring of cloth that far behind the opening [m]; None where the cloth is no tube there."""
+        if not distance < 0.95 * self.depth:
+            return None
+        return level_lines(points, triangles, self.distances, np.array([distance]))
+
 
 def openings_of(topology: Topology, triangles: Indices, lengths: Floats, vertex_count: int) -> tuple[Opening, ...]:
     """The openings of a garment with these edge lengths at rest [m], the largest first; a sheet's edge is none."""

@@ -15,10 +15,13 @@ STRETCHED = 0.2  # strain from which an edge is checked: one through a limb is l
 DEEP = 0.2  # depth over an edge's length from which it runs through: over a round limb a long edge dips less
 PLACES = np.linspace(0.0, 1.0, 9)[1:-1]  # sampled along an edge
 VISIBLE = 1.0  # [mm]; a smaller part of the avatar that shows through is not noticed
-LARGE = 0.018  # [m]; over a nose or a finger, 14 mm in radius, a shorter edge at the usual offset stays outside
+LARGE = (
+    0.014  # [m]; the rim of an ear comes through an edge of 19 mm by 1.4 mm, a nose or finger hardly through one of 18
+)
 ROUNDING = 1e-3  # relative; more than that of a length computed from a float32 strain
-# barycentric weights of samples in a face
+# barycentric weights of samples in a face, and in one that the avatar shows through: 5 mm apart where sides have 40 mm
 WITHIN = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [1, 1, 0], [0, 1, 1], [1, 0, 1], [1, 1, 1]])
+CLOSER = np.array([[i, j, 8 - i - j] for i in range(9) for j in range(9 - i) if max(i, j, 8 - i - j) < 8])
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,20 +68,23 @@ def may_show(longest: float) -> bool:
 
 
 def face_places(points: Points, triangles: NDArray[np.int32]) -> Samples:
-    """Samples in those triangles that are large enough for the avatar to show through.
-
-    ``points`` [m], shape [V, 3].
-    """
+    """Samples in those triangles that are large enough for the avatar to show through; ``points`` [m], shape [V, 3]."""
     extents = np.zeros(len(triangles))
     for axis in points.T:
         first, second, third = axis[triangles.T]  # NumPy is slow at reductions over three columns
         highest, lowest = np.maximum(np.maximum(first, second), third), np.minimum(np.minimum(first, second), third)
         extents = np.maximum(extents, highest - lowest)
-    faces = np.flatnonzero(extents > LARGE)
+    return places_in(points, triangles, np.flatnonzero(extents > LARGE), WITHIN)
+
+
+def places_in(
+    points: Points, triangles: NDArray[np.int32], faces: NDArray[np.int64], weights: NDArray[np.int64]
+) -> Samples:
+    """Samples in these triangles, at these barycentric weights, shape [S, 3]; ``points`` [m], shape [V, 3]."""
     large = points[triangles[faces]]
     if not np.isfinite(large).all():
         faces, large = faces[:0], large[:0]
-    within = np.asarray(((WITHIN / WITHIN.sum(axis=1, keepdims=True)) @ large).reshape(-1, 3))
+    within = np.asarray(((weights / weights.sum(axis=1, keepdims=True)) @ large).reshape(-1, 3))
     return Samples(within, faces, np.zeros(0))
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
-from warp_cloth.anatomy.linking import Misplaced
 from warp_cloth.avatar.exact import exact_colliders
 from warp_cloth.avatar.padding import padded
 from warp_cloth.avatar.penetration import VISIBLE, Overlap
@@ -17,6 +16,7 @@ from warp_cloth.base.clock import StageClock
 from warp_cloth.base.threads import concatenate, map_in_threads
 from warp_cloth.contact.garments import GarmentCrossings, model_crossings, worn_crossings
 from warp_cloth.fitting.overlap import avatar_overlaps
+from warp_cloth.fitting.placement import LimbPlacement
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.attempt import TORN, Attempt, Ended, next_attempt
@@ -38,9 +38,7 @@ class Run:
     outcome: Outcome
     crossings: GarmentCrossings
     torn: bool
-    misplaced: tuple[tuple[Misplaced, ...], ...] = ()  # openings of each garment that the wrong limbs pass through
-    pierced: bool = False  # whether cloth runs through the middle of a limb
-    sunk: bool = False  # whether a garment has slid down from the waist
+    placement: LimbPlacement
     overlap: Overlap | None = None  # with the avatar; None: there is none
     levels: tuple[LevelRun, ...] = ()
 
@@ -57,8 +55,10 @@ class Run:
             pairs,
             len(outcome.points),
             torn=self.torn,
-            misplaced=self.pierced or any(self.misplaced) or (self.overlap is not None and len(self.overlap.edges) > 0),
-            sunk=self.sunk,
+            misplaced=self.placement.pierced
+            or any(self.placement.misplaced)
+            or (self.overlap is not None and len(self.overlap.edges) > 0),
+            sunk=self.placement.sunk,
             shown=self.overlap is not None and float(self.overlap.face_depths.max(initial=0.0)) > 1e-3 * VISIBLE,
             cut_short=outcome.cut_short,
         )
@@ -112,7 +112,14 @@ def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequenc
     position = model.state.position if model.state.position.dtype is wp.vec3d else None
     exact = exact_colliders(problem.avatar_surfaces(), model.device)
     overlaps = avatar_overlaps(problem.outfits, worn, strains, exact, position)
-    placements = map_in_threads(lambda item: _placement(problem.loaded[item], outcomes[item]), range(len(outcomes)))
+
+    def placement_of(item: int) -> LimbPlacement:
+        outfit, outcome = problem.loaded[item], outcomes[item]
+        if outcome.status is Status.DIVERGED:
+            return LimbPlacement(((),) * len(outfit.garments))
+        return LimbPlacement.of(outfit, outcome.points)
+
+    placements = map_in_threads(placement_of, range(len(outcomes)))
     return [
         Run(
             problem,
@@ -120,28 +127,12 @@ def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequenc
             outcome,
             crossings[item],
             bool((strains[item] > TORN).any()),
-            *placements[item],
+            placements[item],
             overlaps[item],
             levels[item],
         )
         for item, outcome in enumerate(outcomes)
     ]
-
-
-def _placement(outfit: Outfit, outcome: Outcome) -> tuple[tuple[tuple[Misplaced, ...], ...], bool, bool]:
-    """A run's ``misplaced``, ``pierced`` and ``sunk``."""
-    misplaced: list[tuple[Misplaced, ...]] = []
-    pierced, sunk, first = False, False, 0
-    for garment, wearing in zip(outfit.garments, outfit.wearing, strict=True):
-        points = outcome.points[first : first + len(garment.points)]
-        first += len(garment.points)
-        if wearing is None or outcome.status is Status.DIVERGED:
-            misplaced.append(())
-            continue
-        misplaced.append(tuple(wearing.misplaced(points)))
-        pierced = pierced or bool(wearing.pierced(points))
-        sunk = sunk or wearing.sunk(points)
-    return tuple(misplaced), pierced, sunk
 
 
 def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock: StageClock) -> Course:

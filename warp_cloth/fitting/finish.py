@@ -89,7 +89,7 @@ def _measure(problem: Problem, runs: Sequence[Run]) -> list[Measurements]:
             overlap=runs[item].overlap,
             crossings=runs[item].crossings,
             contact=problem.contact_report(item),
-            misplaced=runs[item].misplaced,
+            misplaced=runs[item].placement.misplaced,
             levels=runs[item].levels,
             choices=problem.choices(item),
         )

@@ -24,7 +24,7 @@ from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.measured_maps import with_maps
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
-from warp_cloth.fitting.warm_start import Worn, chosen_garments, saved_result, start_from
+from warp_cloth.fitting.warm_start import earlier_garments, start_from
 from warp_cloth.garment.outfit import MeshCache
 from warp_cloth.maps import add_girths, chosen_colour, chosen_maps
 from warp_cloth.maps.measure import check_maps
@@ -158,7 +158,7 @@ def fit(
     Raises:
         InputError: the scene or one of its files cannot be used.
     """
-    load = partial(_loaded, scene, overrides, on, fabric)
+    load = partial(loaded_scene, scene, overrides, on, fabric)
     return fit_loaded(load, device, Caches(), frames=frames, maps=maps, start=start, progress=progress)
 
 
@@ -195,7 +195,7 @@ def fit_loaded(
     clock.lap("warp")
     if start is not None and chosen.avatar is not None and chosen.avatar.poses:
         raise InputError("avatar.poses", "cannot be combined with an earlier result as the start", "remove one of them")
-    earlier = None if start is None else _earlier(start, chosen)
+    earlier = None if start is None else earlier_garments(start, chosen)
     problem = load_problem(
         chosen, device_name, mesh_cache=caches.meshes, cache=cache, clock=clock, may_pose=earlier is None
     )
@@ -227,7 +227,7 @@ def fit_loaded(
     return fitted
 
 
-def _loaded(scene: Any, overrides: Any, on: Any, fabric: Any) -> Scene:
+def loaded_scene(scene: Any, overrides: Any, on: Any, fabric: Any) -> Scene:
     """The scene, which is changed only while it is loaded."""
     if not isinstance(scene, Scene):
         return load_scene(scene, overrides, on=on, fabric=fabric)
@@ -235,19 +235,6 @@ def _loaded(scene: Any, overrides: Any, on: Any, fabric: Any) -> Scene:
     for late in (name for name, stated in given.items() if stated):
         raise InputError(late, "the scene is loaded already", "pass it to load_scene")
     return scene
-
-
-def _earlier(start: Fit | str | Path, scene: Scene) -> list[Worn]:
-    """The garments of an earlier result, in the order of the scene's."""
-    names = [spec.name for spec in scene.garments]
-    if isinstance(start, str | Path):
-        return saved_result(Path(start), names)
-    if not isinstance(start, FitResult):
-        raise InputError(
-            "start", f"{type(start).__name__} is neither a fit nor a file of one", "pass what fit returned"
-        )
-    worn = [(garment.mesh, garment.points) for garment in start.garments]
-    return [worn[index] for index in chosen_garments([garment.name for garment in start.garments], names, "start")]
 
 
 def _relax(problem: Problem, frames: int, progress: Callable[[Progress], None] | None) -> Outcome:

@@ -13,7 +13,17 @@ from numpy.typing import NDArray
 
 from warp_cloth.avatar.exact import ExactCollider, depth_summary, depths_under
 from warp_cloth.avatar.openings import Opening, measured_openings, opening_samples
-from warp_cloth.avatar.penetration import Overlap, Samples, edge_places, face_places, may_show, pierced, shown
+from warp_cloth.avatar.penetration import (
+    CLOSER,
+    Overlap,
+    Samples,
+    edge_places,
+    face_places,
+    may_show,
+    pierced,
+    places_in,
+    shown,
+)
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.threads import concatenate, map_in_threads
 from warp_cloth.garment.outfit import Outfit
@@ -55,13 +65,16 @@ def avatar_overlaps(
             for number, (each, first, last) in enumerate(zip(garments, starts, ends, strict=False))
         ]
         found, across = [each for each, _ in openings], np.concatenate([places for _, places in openings])
-        return _ItemSamples(along, face_places(points, triangles), list(itertools.chain(*found)), across)
+        return _ItemSamples(along, face_places(points, triangles), triangles, list(itertools.chain(*found)), across)
 
     samples = map_in_threads(samples_of, range(len(worn)))
     queries = np.concatenate([points for each in samples for points in each.points])
     sample_depths = depths_under(queries, [sum(map(len, each.points)) for each in samples], exact_of)
-    measured = zip(exact_of, vertex_depths, samples, sample_depths, strict=True)
-    return [None if exact is None else _overlap(depths, each, own) for exact, depths, each, own in measured]
+    faces = _shown_faces(samples, sample_depths, worn, exact_of)
+    measured = zip(exact_of, vertex_depths, samples, sample_depths, faces, strict=True)
+    return [
+        None if exact is None else _overlap(depths, each, own, found) for exact, depths, each, own, found in measured
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +83,7 @@ class _ItemSamples:
 
     edges: Samples  # that may pass through the avatar
     faces: Samples  # that it may show through
+    triangles: NDArray[np.int32]  # of all garments, shape [F, 3]; none where all are too small for it
     openings: list[Opening]
     across: Points  # samples in these [m], shape [N, 3]
 
@@ -77,13 +91,42 @@ class _ItemSamples:
     def points(self) -> tuple[Points, ...]:
         return self.edges.points, self.faces.points, self.across
 
+    def parts(self, depths: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Depths at the points, those of edges, faces and openings."""
+        return np.split(depths, np.cumsum([len(points) for points in self.points])[:-1])
 
-def _overlap(depths: NDArray[np.float32], samples: _ItemSamples, sample_depths: NDArray[np.float32]) -> Overlap:
+
+_Shown = tuple[NDArray[np.int64], NDArray[np.float32]]  # faces that the avatar shows through, and how deep [m]
+
+
+def _shown_faces(
+    samples: Sequence[_ItemSamples],
+    depths: Sequence[NDArray[np.float32]],
+    worn: Sequence[Points],
+    exact_of: Sequence[ExactCollider | None],
+) -> list[_Shown]:
+    """The faces of each scene that its avatar shows through, measured at closer samples, with their neighbours."""
+
+    def closer_samples(points: Points, each: _ItemSamples, own: NDArray[np.float32]) -> Samples:
+        corners = each.triangles[shown(each.faces, each.parts(own)[1])[0]]
+        near = np.flatnonzero(np.isin(each.triangles, corners).any(axis=1)) if len(corners) else np.zeros(0, np.int64)
+        return places_in(points, each.triangles, near, CLOSER)
+
+    closer = [closer_samples(*each) for each in zip(worn, samples, depths, strict=True)]
+    counts = [len(each.points) for each in closer]
+    if not sum(counts):
+        return [shown(each, np.zeros(0, np.float32)) for each in closer]
+    again = depths_under(np.concatenate([each.points for each in closer]), counts, exact_of)
+    return [shown(each, own) for each, own in zip(closer, again, strict=True)]
+
+
+def _overlap(
+    depths: NDArray[np.float32], samples: _ItemSamples, sample_depths: NDArray[np.float32], shown_faces: _Shown
+) -> Overlap:
     """The overlap, from depths of vertices and of samples [m]."""
-    ends = np.cumsum([len(points) for points in samples.points])[:-1]
-    along, within, across = np.split(sample_depths, ends)
+    along, _, across = samples.parts(sample_depths)
     edges, edge_depths = pierced(samples.edges, along)
-    faces, face_depths = shown(samples.faces, within)
+    faces, face_depths = shown_faces
     summary = replace(
         depth_summary(depths),
         edges=len(edges),

@@ -46,8 +46,7 @@ FABRIC = Fabric(
     thickness=1e-3,
     friction=0.0,
 )
-FRICTION = 0.5  # of cloth on skin
-CLINGING = 2.0  # the same while the body moves: with 0.5 straps slide off shoulders that grow under them
+FRICTION = 0.5  # of cloth on skin: without any, straps slide off shoulders that grow under them
 THIN = 0.03  # [m]; what the body has at most around its curves while it is within the garment
 THICK = 0.25  # [m]; what it has just before it is whole
 SEWING = 1500  # iterations at most
@@ -141,8 +140,7 @@ class _Dressing:
         self.wearing, self._avatar, self._device = wearing, avatar, device
         sewing = _sewing_scene(scene, offset)
         (garment,) = garments_in(sewing, outfit.meshes)
-        placed = wearing.legs_apart(garment.points + wearing.shift)
-        garment = replace(garment, points=skirt_closed(wearing, placed))
+        garment = replace(garment, points=skirt_closed(wearing, garment.points + wearing.shift))
         self._body = PosedBody(avatar, wearing.skeleton)
         self._posed = curves_of(limb_routes(wearing, garment.points), wearing.skeleton, STATIONS)
         self._surface = self._body.points(self._posed, THIN)
@@ -210,7 +208,6 @@ class _Dressing:
 
     def carry_home(self, steps: int, *, is_grown: bool = False) -> None:
         """Takes the body home, growing if it has not grown yet, in steps of a burst each."""
-        self._problem.relaxation.set_avatar_friction(CLINGING)
         for step in range(1, steps):
             done = step / steps
             if is_grown:

@@ -21,7 +21,8 @@ from warp_cloth.loading.load import GLTF_KINDS, read_raw
 from warp_cloth.loading.usd import opened_stage
 from warp_cloth.loading.usd_physics import SURFACE, applied
 from warp_cloth.loading.usd_units import meshes_of
-from warp_cloth.model.result import matched
+from warp_cloth.model.result import FitResult, matched
+from warp_cloth.scene import Scene
 from warp_cloth.scene.messages import listed
 from warp_cloth.scene.stage import USD_SUFFIXES
 
@@ -31,6 +32,23 @@ PANEL_GAP = 10.0  # between panels, each scaled to the unit square
 TORN = 0.05
 
 Worn = tuple[Mesh, Points]  # a garment and its worn points [m], shape [V, 3]
+
+
+def earlier_garments(start: FitResult | str | Path, scene: Scene) -> list[Worn]:
+    """The garments of an earlier result, or of its file, in the order of the scene's.
+
+    Raises:
+        InputError: it is neither, cannot be read, or its garments cannot be matched.
+    """
+    names = [spec.name for spec in scene.garments]
+    if isinstance(start, str | Path):
+        return saved_result(Path(start), names)
+    if not isinstance(start, FitResult):
+        raise InputError(
+            "start", f"{type(start).__name__} is neither a fit nor a file of one", "pass what fit returned"
+        )
+    worn = [(garment.mesh, garment.points) for garment in start.garments]
+    return [worn[index] for index in chosen_garments([garment.name for garment in start.garments], names, "start")]
 
 
 def saved_result(path: Path, names: Sequence[str]) -> list[Worn]:

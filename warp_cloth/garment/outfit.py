@@ -141,27 +141,7 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     still = avatar if not poses and scene.collision.avatar != "none" else None
     wearing = _wearing(scene, garments, still, cache)
     otherwise = _read_otherwise(scene, worn, wearing, cache)
-    if otherwise is not None:
-        return otherwise
-    garments, moved = _legs_apart(scene, garments, wearing)
-    return Outfit(worn, garments, avatar, poses, predraped, wearing, readings=moved)
-
-
-def _legs_apart(
-    scene: Scene, garments: tuple[Garment, ...], wearing: Sequence[Wearing | None]
-) -> tuple[tuple[Garment, ...], tuple[Choice, ...]]:
-    """The garments with legs that start in each other moved apart, and what was moved, as choices."""
-    if scene.solver.start != "auto":
-        return garments, ()
-    moved, choices = list(garments), []
-    for index, (garment, worn) in enumerate(zip(garments, wearing, strict=True)):
-        if worn is None or len(garment.pins):
-            continue
-        points = worn.legs_apart(garment.points)
-        if points is not garment.points:
-            moved[index] = replace(garment, points=points)
-            choices.append(Choice("solver.start", "legs apart", "the legs started in each other"))
-    return tuple(moved), tuple(choices)
+    return otherwise or Outfit(worn, garments, avatar, poses, predraped, wearing)
 
 
 def _read_otherwise(

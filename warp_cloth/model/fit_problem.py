@@ -14,6 +14,7 @@ class ProblemCode(str, Enum):
     DIVERGED = "diverged"
     WRONG_SCALE = "wrong_scale"
     TOO_SMALL = "too_small"
+    TOO_LARGE = "too_large"
     UNSUPPORTED = "unsupported"
     FELL_OFF = "fell_off"
     SLID_OFF = "slid_off"

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from warp_cloth.anatomy.skeleton import LIMBS
+from warp_cloth.anatomy.linking import COVERED
+from warp_cloth.anatomy.skeleton import HEAD, LIMBS
 from warp_cloth.base.connected import connected_components
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
@@ -26,7 +27,10 @@ DETACHED = 0.1  # [m]; a piece of a garment that falls farther than the largest 
 
 def support_problems(judged: Judged) -> Iterator[FitProblem]:
     """Problems of what holds a garment; of a pinned one only that a piece comes off."""
-    lost = None if judged.pinned else unsupported(judged) or fell_off(judged) or slid_off(judged) or slid_down(judged)
+    lost = None
+    if not judged.pinned:
+        lost = unsupported(judged) or fell_off(judged) or slid_off(judged) or slid_down(judged) or off_shoulders(judged)
+        yield from too_long(judged)
     if lost is not None:
         yield lost
     else:
@@ -117,6 +121,43 @@ def slid_down(judged: Judged) -> FitProblem | None:
         judged.name,
         {"slid_mm": 1e3 * (began - ended), "limit_mm": 1e3 * limit},
         vertices=listed(highest.vertices),
+    )
+
+
+def off_shoulders(judged: Judged) -> FitProblem | None:
+    """A garment that started over the shoulders, and hangs on the arms now."""
+    wearing, body = judged.of.outfit.wearing[judged.index], judged.of.body
+    arms = () if wearing is None or body is None else wearing.off_shoulders(judged.points, body.points)
+    if wearing is None or not arms:
+        return None
+    sides = " and ".join(LIMBS[arm].split()[0] for arm in arms)
+    necklines = [opening.loop for opening, limbs in zip(wearing.openings, wearing.limbs, strict=True) if HEAD in limbs]
+    return FitProblem(
+        ProblemCode.SLID_OFF,
+        f'"{judged.name}" has slipped off the {sides} shoulder{"s" * (len(arms) > 1)}, and hangs on the arm'
+        f"{'s' * (len(arms) > 1)}.",
+        "Its neckline is too wide for this body: use a smaller size, or pin some of its vertices.",
+        judged.name,
+        {"shoulders": len(arms)},
+        vertices=listed(np.concatenate(necklines)),
+    )
+
+
+def too_long(judged: Judged) -> Iterator[FitProblem]:
+    """Sleeves and legs that hands and feet do not come out of."""
+    wearing = judged.of.outfit.wearing[judged.index]
+    covered = [] if wearing is None or judged.of.body is None else wearing.covered(judged.points)
+    if not covered:
+        return
+    ends = " and ".join(LIMBS[limb] for _, limbs in covered for limb in limbs)
+    yield FitProblem(
+        ProblemCode.TOO_LARGE,
+        f'"{judged.name}" is too large for the body: the {ends} {"ends" if len(covered) == 1 else "end"} in it, more '
+        f"than {100 * COVERED:.0f} cm before its opening.",
+        "Use a smaller size, or shorten its sleeves or legs.",
+        judged.name,
+        {"openings": len(covered), "limit_mm": 1e3 * COVERED},
+        vertices=listed(np.concatenate([opening.loop for opening, _ in covered])),
     )
 
 

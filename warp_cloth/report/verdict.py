@@ -35,9 +35,21 @@ def verdict(outcome: Outcome, problems: Sequence[FitProblem]) -> str:
             f"{1e3 * outcome.check.rest_error:.2g} mm of its rest shape."
         )
         return " ".join([rest, *(f"Note: {problem.message} {problem.remedy}" for problem in told)])
+    start = [f"{rest}, but not worn."] if outcome.status is Status.AT_REST else []
+    return " ".join([*start, *_sentences(told), min(told, key=lambda problem: problem.code.rank).remedy])
+
+
+def shape_verdict(problems: Sequence[FitProblem]) -> str:
+    """The same of a shape of which only a fit would tell whether it is at rest."""
+    told = [problem for problem in problems if not problem.code.is_note]
+    if not told:
+        return " ".join(["Worn, if it is at rest.", *(f"Note: {problem.message}" for problem in problems)])
+    return " ".join(["Not worn.", *_sentences(told), told[0].remedy])
+
+
+def _sentences(told: Sequence[FitProblem]) -> list[str]:
+    """What the first of these problems say, and how many there are besides."""
     sentences = [problem.message for problem in told[:MOST_TOLD]]
-    if outcome.status is Status.AT_REST:
-        sentences.insert(0, f"{rest}, but not worn.")
     if len(told) > MOST_TOLD:
         sentences.append(f"{counted(len(told) - MOST_TOLD, 'more problem')} in the list.")
-    return " ".join([*sentences, min(told, key=lambda problem: problem.code.rank).remedy])
+    return sentences

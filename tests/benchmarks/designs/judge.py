@@ -20,7 +20,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from designs.geometry import Body, Floats, Mesh, crossings, read_obj
+from designs.geometry import Body, Floats, Ints, Mesh, crossings, read_obj
 from designs.limbs import LIMBS, Skeleton, boundary_loops, limbs_cut, opening_class, skeleton_of, ways_out
 from designs.measures import chord_ratios, edge_depths, edge_strains, face_depths, stretches
 
@@ -33,6 +33,12 @@ TIGHT, TIGHT_AREA = 0.3, 0.1  # stretch, and part of the area: more than most kn
 SLID = 0.15  # [m] of the top opening; fitted skirts settle by up to 0.145
 HUNG_SLID = 0.3  # [m] where the head passes through the top opening; hoods and collars fold down by up to 0.14
 ON_FLOOR = 0.25  # of the body's height, under which all cloth of a garment that began higher has fallen
+SHOULDER = (0.7, 0.95)  # of the way from the middle to an armpit's gap: where the top of a shoulder is
+HANGS = 0.065  # [m] that all cloth on a side lies below the top of the shoulder, where it hangs on the arm
+THIN = 0.025  # [m] before and behind the shoulder's top, where cloth counts as over it
+OVER = 1.2  # of the way to an armpit's gap: cloth that began nearer in began over the shoulder
+ASIDE = (0.85, 0.3)  # of that way: where cloth begins on either side, if the garment hangs off one of them
+HIDDEN = 0.03  # [m] that a hand or foot ends before its opening
 SIDE = 0.05  # [m] from the middle, beyond which an opening belongs to a side
 
 
@@ -49,9 +55,11 @@ class Word(str, Enum):
     LIMB_OUTSIDE = "limb outside"  # nothing passes through an opening
     WRONG_LIMB = "wrong limb"  # another limb than where it began
     SLID = "slid"
+    OFF_SHOULDER = "off the shoulder"  # hangs on an arm, though it began over the shoulder
     FELL = "fell"
     BUNCHED = "bunched"
     TOO_SMALL = "too small"
+    TOO_LARGE = "too large"  # a hand or foot does not come out
 
 
 @dataclass(frozen=True)
@@ -135,24 +143,78 @@ def _placement(garment: Mesh, points: Floats, wearer: Wearer, figures: dict[str,
     figures["drop_mm"] = 1e3 * drop
     hung = False
     if wearer.skeleton is not None:
-        before, after = (
-            [opening_class(shape[loop], ways) for loop in loops]
-            for shape in (garment.points, points)
-            for ways in [ways_out(wearer.skeleton, shape[garment.triangles])]
-        )
-        figures["limbs_cut"] = float(limbs_cut(wearer.skeleton, points[garment.triangles]))
+        figures["limbs_cut"] = float(limbs_cut(wearer.skeleton.curves, points[garment.triangles]))
         if figures["limbs_cut"]:
             words.add(Word.THROUGH_LIMB)
-        if not all(map(any, after)):
-            words.add(Word.LIMB_OUTSIDE)
-        elif (all(map(any, before)) and before != after) or any(
-            _other_side(garment.points[loop], limbs, wearer.skeleton) for loop, limbs in zip(loops, after, strict=True)
-        ):
-            words.add(Word.WRONG_LIMB)
+        after = [opening_class(points[loop], ways_out(wearer.skeleton, points[garment.triangles])) for loop in loops]
+        words |= _limbs(garment, points, wearer.skeleton, loops, after)
         hung = any(limbs[0] for limbs in after)
+        if hung and any(sum(limbs[1:3]) == 1 for limbs in after):
+            words |= _shoulders(garment, points, wearer)
     if drop > (HUNG_SLID if hung else SLID):
         words.add(Word.SLID)
     return words
+
+
+def _limbs(
+    garment: Mesh, points: Floats, skeleton: Skeleton, loops: list[Ints], after: list[tuple[int, ...]]
+) -> set[Word]:
+    """Whether the limbs in the openings are the right ones, and come out of them.
+
+    The start tells which they are where no limb cuts the cloth there: else an opening has no class of its own.
+    """
+    if not all(map(any, after)):
+        return {Word.LIMB_OUTSIDE}
+    words = set()
+    corners = garment.points[garment.triangles]
+    ways = ways_out(skeleton, corners)
+    before = [opening_class(garment.points[loop], ways) for loop in loops]
+    moved = all(map(any, before)) and before != after and not limbs_cut(ways, corners)
+    if moved or any(
+        _other_side(garment.points[loop], limbs, skeleton) for loop, limbs in zip(loops, after, strict=True)
+    ):
+        words.add(Word.WRONG_LIMB)
+    for loop, limbs in zip(loops, after, strict=True):
+        if sum(limbs) == 1 and max(limbs) == 1 and not limbs[0]:
+            curve = skeleton.curves[limbs.index(1)]
+            out = opening_class(points[loop], list(skeleton.curves)) == limbs
+            if not out and np.linalg.norm(points[loop] - curve[-1], axis=1).min() > HIDDEN:
+                words.add(Word.TOO_LARGE)
+    return words
+
+
+def _shoulders(garment: Mesh, points: Floats, wearer: Wearer) -> set[Word]:
+    """Whether cloth that began over a shoulder hangs on the arm now, for bodies that face along z."""
+    body = wearer.body
+    middle = 0.5 * (body.low + body.high)
+    flat = body.mesh.points - (middle[0], 0.0, 0.0)
+    out = _armpits(flat, body.low[1], body.high[1])
+    if out is None:
+        return set()
+    begun, now = [], []
+    for side in (-1.0, 1.0):
+        across = side * flat[:, 0]
+        top = flat[(across > SHOULDER[0] * out) & (across < SHOULDER[1] * out)]
+        top = top[np.argmax(top[:, 1])]
+        for shape, found in ((garment.points, begun), (points, now)):
+            aside = side * (shape[:, 0] - middle[0])
+            over = (shape[:, 1] > top[1] - HANGS) & (aside > 0.0)
+            if shape is points:  # flat panels begin before and behind the shoulders
+                over &= np.abs(shape[:, 2] - top[2]) < THIN
+            found.append(float(aside[over].min(initial=np.inf)) / out)
+    lost = any(first < OVER and not np.isfinite(last) for first, last in zip(begun, now, strict=True))
+    aside = abs(begun[0] - begun[1]) < ASIDE[1] and max(now) > ASIDE[0] and min(now) < ASIDE[1]
+    return {Word.OFF_SHOULDER} if lost or aside else set()
+
+
+def _armpits(flat: Floats, low: float, high: float) -> float | None:
+    """How far from the middle the gap between trunk and arms ends at its top [m]; None: the arms hang at the trunk."""
+    for height in np.arange(low + 0.8 * (high - low), low + 0.6 * (high - low), -0.005):
+        level = np.sort(np.abs(flat[np.abs(flat[:, 1] - height) < 0.005, 0]))
+        gaps = np.diff(level)
+        if len(gaps) and gaps.max() > 0.015 and level[np.argmax(gaps)] > 0.06 * (high - low):
+            return float(level[np.argmax(gaps)])
+    return None
 
 
 def _other_side(loop: Floats, limbs: tuple[int, ...], skeleton: Skeleton) -> bool:

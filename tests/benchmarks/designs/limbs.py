@@ -7,6 +7,7 @@ the same counts but for a constant, which is removed by counting relative to the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -149,7 +150,9 @@ def ways_out(skeleton: Skeleton, corners: Floats) -> list[Floats]:
     A hand in a long sleeve leaves by the cuff, wherever that bends; a face leaves a hood by its opening.
     """
     found = []
-    for curve in skeleton.curves:
+    for number, curve in enumerate(skeleton.curves):
+        if number == 0:  # a face looks out of a hood below the crown
+            curve = _from_the_face(curve, corners)
         tip = curve[-1]
         onward = tip - curve[np.flatnonzero(np.linalg.norm(curve - tip, axis=1) < TAIL)[0]]
         onward /= np.linalg.norm(onward)
@@ -170,6 +173,16 @@ def ways_out(skeleton: Skeleton, corners: Floats) -> list[Floats]:
     return found
 
 
+def _from_the_face(curve: Floats, corners: Floats) -> Floats:
+    """The head's curve, ended a TAIL below the crown where a hood covers the crown all round."""
+    below = curve[np.linalg.norm(curve - curve[-1], axis=1) > TAIL]
+    tip = curve[-1]
+    onward = tip - below[-1]
+    end = tip + FAR * onward / np.linalg.norm(onward)
+    start, end = (np.broadcast_to(place, (len(corners), 3)) for place in (tip, end))
+    return below if segments_hit(start, end, corners).any() else curve
+
+
 def opening_class(loop: Floats, ways: list[Floats]) -> tuple[int, ...]:
     """How often each limb passes through a loop [N, 3]: (0, 1, 0, 0, 0): a right cuff, (0, 0, 0, 1, 1): a waist."""
     corners = np.stack([np.broadcast_to(loop.mean(axis=0), loop.shape), loop, np.roll(loop, -1, axis=0)], axis=1)
@@ -185,13 +198,16 @@ def opening_class(loop: Floats, ways: list[Floats]) -> tuple[int, ...]:
     return max(least, tuple(-c for c in least))
 
 
-def limbs_cut(skeleton: Skeleton, corners: Floats) -> int:
-    """How many limbs have cloth [F, 3, 3] running through their very middle."""
+def limbs_cut(curves: Sequence[Floats], corners: Floats) -> int:
+    """How many limbs' curves cloth [F, 3, 3] runs through."""
     count = 0
-    for curve in skeleton.curves:
+    for curve in curves:
         start, end = curve[:-1], curve[1:]
-        piece, face = box_pairs(
-            np.minimum(start, end), np.maximum(start, end), corners.min(axis=1), corners.max(axis=1), 5.0 * VOXEL
-        )
-        count += bool(segments_hit(start[piece], end[piece], corners[face]).any())
+        is_short = np.linalg.norm(end - start, axis=1) < 1.0  # the box of the way to infinity holds all cloth
+        low, high = np.minimum(start, end)[is_short], np.maximum(start, end)[is_short]
+        piece, face = box_pairs(low, high, corners.min(axis=1), corners.max(axis=1), 5.0 * VOXEL)
+        hit = bool(segments_hit(start[is_short][piece], end[is_short][piece], corners[face]).any())
+        for first, last in zip(start[~is_short], end[~is_short], strict=True):
+            hit |= bool(segments_hit(*(np.broadcast_to(p, (len(corners), 3)) for p in (first, last)), corners).any())
+        count += hit
     return count

@@ -1,0 +1,194 @@
+"""The word on a given shape: a shirt cut from the mannequin's own skin is worn, and spoiled in seven ways it is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from meshfiles import write_obj
+from numpy.typing import NDArray
+
+import warp_cloth
+from warp_cloth.anatomy.shoulders import slipped_off
+from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, TRUNK, Skeleton, skeleton_of
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh, vertex_normals
+from warp_cloth.fitting.judge import Judgement, judged_shape
+from warp_cloth.garment.outfit import MeshCache, load_outfit
+from warp_cloth.scene import load_scene
+from warp_cloth.shapes import mannequin
+
+Floats = NDArray[np.float64]
+OFF = 0.006  # [m] of the shirt from the skin
+ELBOW, HEM = 0.62, -0.05  # of an arm's curve, where sleeves end; [m] above the middle of the trunk
+
+
+@dataclass(frozen=True)
+class Shirt:
+    """A shirt of the skin's own triangles, where it is worn, on its body."""
+
+    points: Floats
+    triangles: NDArray[np.int32]
+    of_body: NDArray[np.int64]  # the body's vertex under each of its own
+    body: Mesh
+    skeleton: Skeleton
+    folder: Path
+    meshes: MeshCache
+
+    def word(self, worn: Floats, rest: Floats | None = None) -> Judgement:
+        """The word on a shape of it; ``rest``: how it is cut and starts."""
+        path = self.folder / "shirt.obj" if rest is None else self.folder / f"shirt_{rest.std():.6f}.obj"
+        write_obj(path, self.points if rest is None else rest, self.triangles)
+        scene = load_scene(
+            {
+                "garment": {"mesh": str(path), "units": "m", "rest": "mesh"},
+                "avatar": {"mesh": str(self.folder / "body.obj"), "units": "m"},
+            }
+        )
+        return judged_shape(scene, load_outfit(scene, self.meshes), worn, "cpu")
+
+    def codes(self, worn: Floats, rest: Floats | None = None) -> set[str]:
+        found = self.word(worn, rest)
+        assert found.worn == (not found.problems)
+        return {problem.code.value for problem in found.problems}
+
+    def on(self, limb: int) -> NDArray[np.bool_]:
+        return np.asarray(self.skeleton.limb[self.of_body] == limb)
+
+
+@pytest.fixture(scope="module")
+def shirt(tmp_path_factory: pytest.TempPathFactory) -> Shirt:
+    body, folder = mannequin(edge=0.015), tmp_path_factory.mktemp("shirt")
+    skeleton = skeleton_of(body)
+    assert skeleton is not None
+    up = (body.points - skeleton.middle) @ skeleton.up
+    arm = np.isin(skeleton.limb, (RIGHT_ARM, LEFT_ARM))
+    mine = ((skeleton.limb == TRUNK) & (up > HEM)) | (arm & (skeleton.station < ELBOW))
+    faces = body.triangles[mine[body.triangles].all(axis=1)]
+    kept, corners = np.unique(faces, return_inverse=True)
+    points = body.points[kept] + OFF * vertex_normals(body.points, body.triangles)[kept]
+    write_obj(folder / "body.obj", body.points, body.triangles)
+    return Shirt(points, corners.reshape(-1, 3).astype(np.int32), kept, body, skeleton, folder, MeshCache())
+
+
+def test_the_shirt_is_worn_as_it_was_cut(shirt: Shirt) -> None:
+    found = shirt.word(shirt.points)
+    assert (found.worn, found.problems) == (True, ())
+    assert found.message == "Worn, if it is at rest."
+
+
+def test_an_arm_outside_its_sleeve(shirt: Shirt) -> None:
+    """The sleeve lies before the arm, clear of it."""
+    worn = shirt.points.copy()
+    worn[shirt.on(LEFT_ARM)] += 0.2 * shirt.skeleton.forward
+    assert "wrong_opening" in shirt.codes(worn)
+
+
+def test_a_seam_that_is_held_open(shirt: Shirt) -> None:
+    worn = shirt.points.copy()
+    front = (worn - shirt.skeleton.middle) @ shirt.skeleton.forward > 0.05
+    low = front & ((worn - shirt.skeleton.middle) @ shirt.skeleton.up < 0.05)
+    worn[low] += 0.03 * shirt.skeleton.forward - 0.03 * shirt.skeleton.up
+    assert "seam_open" in shirt.codes(worn)
+
+
+def test_a_garment_cut_too_small(shirt: Shirt) -> None:
+    """Its cloth is stretched by a third all over."""
+    about = shirt.skeleton.middle
+    found = shirt.codes(shirt.points, about + 0.74 * (shirt.points - about))
+    assert "too_small" in found
+
+
+@pytest.mark.parametrize(("longer", "told"), [(1.5, False), (3.8, True)])
+def test_sleeves_that_hands_do_not_come_out_of_are_too_large(shirt: Shirt, longer: float, told: bool) -> None:
+    """Both sleeves go straight on from their roots, wide enough for hands."""
+    worn = shirt.points.copy()
+    for arm in (RIGHT_ARM, LEFT_ARM):
+        curve, joint = shirt.skeleton.curves[arm], shirt.skeleton.joints[arm]
+        root, way = curve[joint], curve[-1] - curve[joint]
+        way = way / np.linalg.norm(way)
+        own = shirt.on(arm)
+        along = (worn[own] - root) @ way
+        worn[own] += np.maximum(along, 0.0)[:, None] * (longer - 1.0) * way
+    found = shirt.word(worn, worn)
+    codes = {problem.code.value for problem in found.problems}
+    assert ("too_large" in codes) == told
+    if told:
+        (problem,) = (each for each in found.problems if each.code.value == "too_large")
+        assert "right arm and left arm" in problem.message
+
+
+@pytest.mark.parametrize("step", [(0.0, 0.0, 0.5), (0.35, -0.3, 0.35), (1.5, 0.0, 0.0)])
+def test_a_garment_dropped_beside_the_body(shirt: Shirt, step: tuple[float, float, float]) -> None:
+    assert {"fell_off", "wrong_opening"} & shirt.codes(shirt.points + np.array(step))
+
+
+def test_sleeves_swapped(shirt: Shirt) -> None:
+    """The shirt is mirrored, so that only the arms in its sleeves are wrong: the mannequin is symmetric."""
+    mirrored = shirt.points.copy()
+    off = (mirrored - shirt.skeleton.middle) @ shirt.skeleton.left
+    mirrored -= 2.0 * off[:, None] * shirt.skeleton.left
+    assert {"wrong_opening"} <= shirt.codes(mirrored) <= {"wrong_opening", "shown_through", "inside_body"}
+
+
+def test_a_crossing_left_in(shirt: Shirt) -> None:
+    """A fold of the hem's front is turned through the cloth above it."""
+    worn = shirt.points.copy()
+    forward = (worn - shirt.skeleton.middle) @ shirt.skeleton.forward
+    up = (worn - shirt.skeleton.middle) @ shirt.skeleton.up
+    at = int(np.argmax(np.where(np.abs(up - 0.1) < 0.01, forward, -np.inf)))
+    near = np.linalg.norm(worn - worn[at], axis=1)
+    order = np.argsort(near)
+    worn[order[0]] = worn[order[12]] + 0.01 * shirt.skeleton.forward
+    worn[order[1]] = worn[order[12]] - 0.002 * shirt.skeleton.forward
+    assert "crossing" in shirt.codes(worn)
+
+
+def test_straps_that_hang_on_the_arms_have_slipped_off_the_shoulders(shirt: Shirt) -> None:
+    """All cloth over the shoulders is gone but a ring round each arm."""
+    limbs = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
+    down = shirt.points - 0.25 * shirt.skeleton.up
+    given: dict[str, Any] = {"body": shirt.body.points, "skeleton": shirt.skeleton}
+    assert slipped_off(limbs, shirt.points, shirt.points, shirt.triangles, **given) == ()
+    assert slipped_off(limbs, shirt.points, down, shirt.triangles, **given) == (RIGHT_ARM, LEFT_ARM)
+    assert slipped_off(limbs, down, down, shirt.triangles, **given) == (), "it began there"
+    assert slipped_off(((0, 1, 2), (3, 4)), shirt.points, down, shirt.triangles, **given) == (), "a strapless one"
+
+
+def test_shapes_are_given_as_arrays_files_or_fits(shirt: Shirt) -> None:
+    scene = {"garment": {"shape": {"kind": "square", "vertices_per_side": 5}, "pin": {"loop": "top"}}}
+    fit = warp_cloth.fit(scene, overrides=["solver.iterations=20"], device="cpu")
+    saved = fit.save(shirt.folder / "square")
+    points = fit.garments[0].points
+    stage = next(path for path in saved if path.suffix == ".usdc")
+    for shape in (points, points.tolist(), [points], fit, stage):
+        assert warp_cloth.judge(scene, shape, device="cpu").worn
+    torn = points * [1.7, 1.0, 1.0]
+    found = warp_cloth.judge(scene, torn, device="cpu")
+    assert not found.worn
+    assert found.message.startswith("Not worn.")
+
+
+@pytest.mark.parametrize(
+    ("shape", "words"),
+    [
+        (np.zeros((24, 3)), r"needs an array of \(25, 3\)"),
+        (np.full((25, 3), np.nan), "not finite"),
+        ("nothing.usdc", "no such file"),
+        ([np.zeros((25, 3)), np.zeros((25, 3))], "needs an array"),
+        (None, "needs an array"),
+    ],
+)
+def test_what_is_no_shape_of_the_garment_is_refused(shape: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        warp_cloth.judge({"garment": {"shape": {"kind": "square", "vertices_per_side": 5}}}, shape, device="cpu")
+
+
+def test_a_shape_of_another_mesh_is_refused() -> None:
+    scenes = [{"garment": {"shape": {"kind": "square", "vertices_per_side": count}}} for count in (5, 6)]
+    fit = warp_cloth.fit(scenes[0], overrides=["solver.iterations=10"], device="cpu")
+    with pytest.raises(InputError, match="other vertices or triangles"):
+        warp_cloth.judge(scenes[1], replace(fit), device="cpu")

@@ -1,0 +1,85 @@
+"""Does a garment lie on the shoulders? Where the frontal plane through the roots of the arms cuts its cloth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_cloth.anatomy.openings import ARMS, Limbs
+from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, Skeleton
+from warp_cloth.base.mesh import Indices, Points
+from warp_cloth.base.section import section_at
+
+# Distances from the middle of the body, across and up from the root of an arm, over that of the root.
+EDGE = (0.7, 0.95)  # where the top of the shoulder is measured
+NEAR_PLANE = 0.25  # that far before and behind the root
+# Of the height of the shoulder's top: straps on the edge of the shoulders reach 0.6, those hanging on the arms 0.52.
+ON_TOP = 0.56
+BEGAN = 0.5  # the same where a garment starts, perhaps a little low
+ON_ARM = 1.25  # cloth that begins so far out lies on the arm, however that is raised
+# A garment has slipped to one side where it begins so far out on that side, and so near the middle on the other one,
+# and began about alike.
+OUTSIDE, INSIDE, ALIKE = 0.95, 0.5, 0.25
+
+
+@dataclass(frozen=True)
+class Cover:
+    """Cloth, or skin, over one shoulder: where it begins, seen from the middle, and how high it reaches."""
+
+    inner: float  # inf: there is none above the arm's root
+    top: float  # -inf: there is none on this side
+
+
+def slipped_off(
+    limbs: Sequence[Limbs], start: Points, worn: Points, triangles: Indices, body: Points, skeleton: Skeleton
+) -> tuple[int, ...]:
+    """The arms whose shoulder a garment has slipped off, though it lay over it as it started.
+
+    Only arms with an opening of their own, beside one for the head: other garments need not lie on a shoulder.
+
+    Args:
+        limbs: whom each opening is for.
+        start: its points where it started, moved onto the body [m], shape [V, 3].
+        worn: its points as worn [m], shape [V, 3].
+        triangles: shape [F, 3].
+        body: vertices of the body [m], shape [B, 3].
+        skeleton: of the body.
+    """
+    arms = [arm for arm in ARMS if (arm,) in limbs and any(HEAD in each and arm not in each for each in limbs)]
+    sides = {arm: _Side(skeleton, arm) for arm in arms}
+    begun, now = ({arm: side.cover(points, triangles) for arm, side in sides.items()} for points in (start, worn))
+    top = {arm: side.skin_top(body) for arm, side in sides.items()}
+    lay = [arm for arm in arms if begun[arm].inner < 1.0 and begun[arm].top > BEGAN * top[arm]]
+    slipped = [arm for arm in lay if now[arm].inner > ON_ARM or now[arm].top < ON_TOP * top[arm]]
+    if not slipped and len(lay) == 2 and abs(begun[RIGHT_ARM].inner - begun[LEFT_ARM].inner) < ALIKE:
+        outer, inner = sorted(arms, key=lambda arm: -now[arm].inner)
+        slipped = [outer] if now[outer].inner > OUTSIDE and now[inner].inner < INSIDE else []
+    return tuple(slipped)
+
+
+class _Side:
+    """Coordinates about the root of one arm: outwards from the middle, up and forward from the root."""
+
+    def __init__(self, skeleton: Skeleton, arm: int) -> None:
+        self._middle = skeleton.middle
+        root = skeleton.curves[arm][skeleton.joints[arm]] - self._middle
+        out = skeleton.left * (1.0 if arm == LEFT_ARM else -1.0)
+        width = max(float(root @ out), 1e-6)
+        self._axes = np.stack([out, skeleton.up, skeleton.forward], axis=1) / width
+        self._root = root @ self._axes * (0.0, 1.0, 1.0)
+
+    def cover(self, points: Points, triangles: Indices) -> Cover:
+        """Of a garment's cloth, in the frontal plane through the root."""
+        here = (points - self._middle) @ self._axes - self._root
+        ends = section_at(here[:, 2], here[:, :2], triangles).ends.reshape(-1, 2)
+        own = ends[ends[:, 0] > 0.0]
+        above = own[own[:, 1] > 0.0]
+        return Cover(float(above[:, 0].min(initial=np.inf)), float(own[:, 1].max(initial=-np.inf)))
+
+    def skin_top(self, body: Points) -> float:
+        """How high the shoulder's top lies above the root; -inf where no vertex is near."""
+        here = (body - self._middle) @ self._axes - self._root
+        is_near = (here[:, 0] > EDGE[0]) & (here[:, 0] < EDGE[1]) & (np.abs(here[:, 2]) < NEAR_PLANE)
+        return float(here[is_near, 1].max(initial=-np.inf))

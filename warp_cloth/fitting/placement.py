@@ -1,0 +1,34 @@
+"""Which limbs of the body pass through a scene's garments, and how."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from warp_cloth.anatomy.linking import Misplaced
+from warp_cloth.base.mesh import Points
+from warp_cloth.garment.outfit import Outfit
+
+
+@dataclass(frozen=True, eq=False)
+class LimbPlacement:
+    """A scene's garments at a shape, and the limbs of their body."""
+
+    misplaced: tuple[tuple[Misplaced, ...], ...] = ()  # openings of each garment that the wrong limbs pass through
+    pierced: bool = False  # whether cloth runs through the middle of a limb
+    sunk: bool = False  # whether a garment has slid down from the waist
+
+    @classmethod
+    def of(cls, outfit: Outfit, points: Points) -> LimbPlacement:
+        """With the garments at these points [m], all finite, shape [V, 3]; garments without openings have none."""
+        misplaced: list[tuple[Misplaced, ...]] = []
+        pierced, sunk, first = False, False, 0
+        for garment, wearing in zip(outfit.garments, outfit.wearing, strict=True):
+            own = points[first : first + len(garment.points)]
+            first += len(garment.points)
+            if wearing is None:
+                misplaced.append(())
+                continue
+            misplaced.append(tuple(wearing.misplaced(own)))
+            pierced = pierced or bool(wearing.pierced(own))
+            sunk = sunk or wearing.sunk(own)
+        return cls(tuple(misplaced), pierced, sunk)
