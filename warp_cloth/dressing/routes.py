@@ -22,6 +22,7 @@ SIDEWAYS = 0.3  # least sideways part of the direction in which an arm leaves it
 STRAIGHT = 0.5  # least cosine between down and the end of a way, at which a leg goes on along it
 SPACING = 0.02  # [m] between points of a curve
 SMOOTHING = 6  # times that a way over cells is smoothed
+ARMHOLE = 0.15  # [m] from the shoulder, within which an arm's opening has no sleeve
 TAIL = 0.1  # [m] of a way's end that tells where it points
 
 
@@ -31,6 +32,7 @@ class Route:
 
     curve: Points  # from the trunk to the tip [m], shape [N, 3]
     turned: float  # how far an arm had to be turned up to keep clear of cloth [degrees]
+    armhole: float | None = None  # along the curve, where it passes an armhole without a sleeve [m]
 
 
 def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
@@ -67,12 +69,14 @@ def _through(way: Points, limb: int, skeleton: Skeleton, space: FreeSpace) -> Ro
     direction = way[-1] - way[np.searchsorted(lengths, max(lengths[-1] - TAIL, 0.0))]
     direction = direction / max(float(np.linalg.norm(direction)), 1e-9)
     remains = max(float(arc_lengths(skeleton.curves[limb])[-1] - lengths[-1]), OUT)
-    turned = 0.0
+    turned, armhole = 0.0, None
     if limb in ARMS:
+        joint = skeleton.curves[limb][skeleton.joints[limb]]
+        armhole = float(lengths[-1]) if float(np.linalg.norm(way[-1] - joint)) < ARMHOLE else None
         direction, turned = _turned_up(way[-1], direction, remains, limb, skeleton, space)
     elif direction @ -skeleton.up < STRAIGHT:
         direction = -skeleton.up
-    return Route(smoothed(_onward(way, direction, remains), SMOOTHING), turned)
+    return Route(smoothed(_onward(way, direction, remains), SMOOTHING), turned, armhole)
 
 
 def _raised(arm: int, skeleton: Skeleton, space: FreeSpace) -> Route | None:
@@ -125,6 +129,17 @@ def smoothed(curve: Points, times: int) -> Points:
 
 
 def curves_of(routes: Sequence[Route | None], skeleton: Skeleton, count: int) -> list[Points]:
-    """The curve of each limb, along its route or at home [m], each shape [count, 3]."""
-    pairs = zip(routes, skeleton.curves, strict=True)
-    return [resampled(home if route is None else route.curve, count) for route, home in pairs]
+    """The curve of each limb, along its route or at home [m], each shape [count, 3].
+
+    Evenly spaced, but an armhole without a sleeve is where the shoulder is at home: its way leads lower, and is longer.
+    """
+    curves = []
+    for route, home, joint in zip(routes, skeleton.curves, skeleton.joints, strict=True):
+        if route is None or route.armhole is None:
+            curves.append(resampled(home if route is None else route.curve, count))
+            continue
+        lengths, at_home = arc_lengths(route.curve), arc_lengths(home)
+        to_shoulder = float(at_home[joint] / at_home[-1])
+        along = np.interp(np.linspace(0.0, 1.0, count), [0.0, to_shoulder, 1.0], [0.0, route.armhole, lengths[-1]])
+        curves.append(np.stack([np.interp(along, lengths, route.curve[:, axis]) for axis in range(3)], axis=1))
+    return curves
