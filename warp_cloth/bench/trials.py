@@ -189,23 +189,23 @@ def drape(
     while levels[0] % 2 == 0 and levels[0] >= 2 * COARSEST_RINGS:
         levels.insert(0, levels[0] // 2)
     mesh = drape_disc(levels[0])
-    settled = _hung(mesh, fabric, [_waved(mesh, seed) for seed in range(discs)], device, iterations)
+    settled = hung(mesh, fabric, [_waved(mesh, seed) for seed in range(discs)], device, iterations)
     for level in levels[1:]:
         coarse, mesh = mesh, drape_disc(level)
         starts = [on_finer_disc(coarse, each.points, mesh) for each in settled]
-        settled = _hung(mesh, fabric, starts, device, iterations, near_rest=True)
+        settled = hung(mesh, fabric, starts, device, iterations, near_rest=True)
     return [Drape(mesh, each) for each in settled]
 
 
-def drape_disc(rings: int) -> Mesh:
-    """Cusick's disc without its centre: two of the rings on the support are enough.
+def drape_disc(rings: int, disc_radius: float = DISC_RADIUS) -> Mesh:
+    """Cusick's disc [m] without its centre: two of the rings on the support are enough.
 
     A hinge represents the bend from half an edge before it to half an edge after it. So the last clamped ring lies
     half an edge outside the support, and the cloth bends from the support's edge at any resolution.
     """
-    clamped = round(rings * SUPPORT_RADIUS / DISC_RADIUS)
-    spacing = (DISC_RADIUS - SUPPORT_RADIUS) / (rings - clamped + 0.5)
-    return disc(DISC_RADIUS, DISC_RADIUS * (clamped - 1) / rings, rings, spacing)
+    clamped = round(rings * SUPPORT_RADIUS / disc_radius)
+    spacing = (disc_radius - SUPPORT_RADIUS) / (rings - clamped + 0.5)
+    return disc(disc_radius, disc_radius * (clamped - 1) / rings, rings, spacing)
 
 
 def held_by_support(mesh: Mesh) -> Indices:
@@ -225,7 +225,7 @@ def _waved(mesh: Mesh, seed: int) -> Points:
     return start
 
 
-def _hung(
+def hung(
     mesh: Mesh, fabric: Fabric, starts: Sequence[Points], device: str, iterations: int, *, near_rest: bool = False
 ) -> list[Settled]:
     """Relaxes discs: on a GPU all together, on the CPU one by one; the bits are the same."""

@@ -14,6 +14,7 @@ GRAVITY = 9.80665  # standard gravity [m/s2]
 KES_FORCE = 490.3325  # [N/m], 500 gf/cm: the force per width at which KES-F reads the elongation EMT
 KES_BENDING = 9.80665e-5  # [N m], 1 gf cm2/cm: the unit of KES-F's bending rigidity B
 KES_SHEAR = 0.980665 / math.radians(1.0)  # [N/m per radian], 1 gf/(cm degree): the unit of KES-F's shear stiffness G
+FAST_FORCE = 5 * 0.980665  # [N/m], 5 gf/cm: FAST reads the extension at this and at four times this
 FAST_SHEAR = 123.0  # [N/m per radian] over EB5 [%], the bias extension at 5 gf/cm (SiroFAST manual)
 
 # The cosine law's moment per width is bending * curvature^2 / 2, the measured line's B * curvature. They meet at one
@@ -92,12 +93,19 @@ RIGIDITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 LENGTHS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {"bending_length_warp_mm": ("bending_warp",), "bending_length_weft_mm": ("bending_weft",)}
+    {
+        "bending_length_mm": ("bending_warp", "bending_weft"),
+        "bending_length_warp_mm": ("bending_warp",),
+        "bending_length_weft_mm": ("bending_weft",),
+    }
+)
+FORMABILITIES: Mapping[str, str] = MappingProxyType(
+    {"formability_warp": "stretch_warp", "formability_weft": "stretch_weft"}
 )
 SHORTHAND: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"stretch": ("stretch_warp", "stretch_weft"), "bending": ("bending_warp", "bending_weft")}
 )
-KEYS = (*FIGURES, *RIGIDITIES, *TABLES, *LENGTHS, *SHORTHAND)
+KEYS = (*FIGURES, *RIGIDITIES, *TABLES, *LENGTHS, *FORMABILITIES, *SHORTHAND)
 
 
 def stated_by(key: str) -> tuple[str, ...]:
@@ -106,6 +114,8 @@ def stated_by(key: str) -> tuple[str, ...]:
         return FIGURES[key].states
     if key in TABLES:
         return (TABLES[key],)
+    if key in FORMABILITIES:
+        return (FORMABILITIES[key],)
     return {**SHORTHAND, **RIGIDITIES, **LENGTHS}.get(key, (key,))
 
 
@@ -128,7 +138,7 @@ def si_values(table: Mapping[str, Any], weight: float) -> dict[str, Any]:
     bent = {key: value for key, value in table.items() if key in RIGIDITIES or key in LENGTHS}
     for key, value in table.items():
         result = value
-        if key in bent:
+        if key in bent or key in FORMABILITIES:
             continue
         if key in FIGURES:
             result = FIGURES[key].convert(_number(key, value, FIGURES[key].bounds, FIGURES[key].unit))
@@ -144,7 +154,24 @@ def si_values(table: Mapping[str, Any], weight: float) -> dict[str, Any]:
     for key, value in bent.items():
         for name in stated_by(key):
             state(key, name, bending_of_rigidity(_rigidity(key, value, heavy), heavy))
+    for key in (each for each in FORMABILITIES if each in table):
+        state(key, FORMABILITIES[key], _stretch_of_formability(key, table[key], values, heavy))
     return values
+
+
+def _stretch_of_formability(key: str, value: Any, values: Mapping[str, Any], weight: float) -> float:
+    """K [N/m] from FAST's formability F [mm2] = (E20 - E5) B / 14.7, E in % at 20 and 5 gf/cm, B in uN m.
+
+    At four times the force a quadratic law stretches twice as far: E20 - E5 = E5, and K = FAST_FORCE / E5^2.
+    """
+    formability = _number(key, value, (1e-4, 1e3), "mm2")
+    bending = values.get(FORMABILITIES[key].replace("stretch", "bending"))
+    if not isinstance(bending, float) or not bending > 0.0:
+        direction = FORMABILITIES[key].rpartition("_")[2]
+        remedy = f"give bending_length_{direction}_mm or bending_B_{direction}"
+        raise InputError(key, "needs the bending of the same direction beside it", remedy)
+    extension = 14.7 * formability / (1e6 * rigidity_of_bending(bending, weight))  # [%]
+    return FAST_FORCE / (1e-2 * extension) ** 2
 
 
 def _rigidity(key: str, value: Any, weight: float) -> float:

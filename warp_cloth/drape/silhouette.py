@@ -1,0 +1,135 @@
+"""Which pixels of a photograph are cloth: what differs from the background that the picture's border shows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from warp_cloth.base.errors import InputError
+from warp_cloth.drape.photograph import Photograph
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+BORDER = 0.03  # of the picture's side: there is nothing but background
+TINTS = 2  # of a checked background
+SHADOW = 0.3  # weight of a difference that a shadow would make: darker, of the same hue
+FAINTEST = 7.0  # [CIELAB]; what differs less from the background is background
+SECOND_DRAPE = 0.2  # of the largest patch; another one as large is another drape
+SMALLEST = 0.02  # of the picture
+BAND = 3  # [pixels] on both sides of an edge, which are mixtures
+NEARBY = 5.0  # [pixels], over which the colours on both sides of an edge are averaged
+
+
+def find_cloth(photograph: Photograph) -> Mask:
+    """The pixels that the cloth and the plate on it cover.
+
+    Raises:
+        InputError: there is none, more than one, or it is cut off.
+    """
+    place, away = photograph.path, _difference(photograph.pixels)
+    skimage = skimage_module("filters")
+    threshold = max(float(skimage.threshold_otsu(np.minimum(away, 60.0))), FAINTEST)
+    clear = ndimage.gaussian_filter(away, 0.7) > threshold
+    # a plate of the background's colour is a hole, whose rim may be thinner than a pixel or two
+    closed = np.pad(clear, 4)
+    closed = ndimage.binary_closing(closed, iterations=3)[4:-4, 4:-4]
+    holes = ndimage.binary_fill_holes(closed) & ~closed
+    holes = ndimage.binary_dilation(ndimage.binary_opening(holes, iterations=3), iterations=4) & closed | holes
+    clear = ndimage.binary_opening(ndimage.binary_fill_holes(clear | holes), iterations=2)
+    patches, count = ndimage.label(clear)
+    sizes = np.bincount(patches.ravel(), minlength=count + 1)[1:]
+    if count == 0 or sizes.max() < SMALLEST * clear.size:
+        remedy = "photograph a drape from above, the whole of it, on a background of another colour"
+        raise InputError(place, "no cloth stands out from the background", remedy)
+    large = np.flatnonzero(sizes >= SECOND_DRAPE * sizes.max()) + 1
+    cloth = patches == 1 + int(np.argmax(sizes))
+    margin = 2
+    inner = np.zeros_like(cloth)
+    inner[margin:-margin, margin:-margin] = True
+    if (cloth & ~inner).any():
+        raise InputError(place, "the cloth is cut off by the picture's border", "show all of it and some background")
+    if len(large) > 1:
+        raise InputError(place, f"shows {len(large)} things of the size of a drape", "crop it to one drape")
+    return cloth
+
+
+def coverage(photograph: Photograph, cloth: Mask) -> Floats:
+    """The fraction of each pixel that cloth covers: at an edge, where its colour is between those on both sides."""
+    pixels = photograph.pixels
+    inside = ndimage.binary_erosion(cloth, iterations=BAND)
+    outside = ~ndimage.binary_dilation(cloth, iterations=BAND)
+    cover = cloth.astype(np.float64)
+    near, far = _local_mean(pixels, inside), _local_mean(pixels, outside)
+    way = near - far
+    span = (way**2).sum(axis=2)
+    part = ((pixels - far) * way).sum(axis=2) / np.maximum(span, 1e-6)
+    band = ~inside & ~outside & (span > 4e-3)
+    cover[band] = np.clip(part, 0.0, 1.0)[band]
+    return cover
+
+
+def _difference(pixels: Floats) -> Floats:
+    """Distance of every pixel from the background's colours [CIELAB], shape [H, W]."""
+    lab = np.asarray(skimage_module("color").rgb2lab(pixels))
+    height, width = lab.shape[:2]
+    rim = max(round(BORDER * min(height, width)), 3)
+    border = np.ones((height, width), dtype=bool)
+    border[rim:-rim, rim:-rim] = False
+    y, x = np.mgrid[0:height, 0:width]
+    terms = np.stack([(x / width - 0.5), (y / height - 0.5)], axis=-1)
+    seen, where = lab[border], terms[border]
+    tints, slope = _tints(seen, where)
+    away = np.full((height, width), np.inf)
+    light = terms @ slope
+    for tint in tints:
+        rest = lab - tint
+        rest[..., 0] -= light
+        rest[..., 0] = np.where(rest[..., 0] < 0.0, SHADOW * rest[..., 0], rest[..., 0])
+        away = np.minimum(away, np.sqrt((rest**2).sum(axis=2)))
+    return away
+
+
+def _tints(seen: Floats, where: Floats) -> tuple[Floats, Floats]:
+    """The background's colours, and how its lightness grows along x and y, from the border's pixels."""
+    slope = np.zeros(2)
+    low, high = np.quantile(seen[:, 0], [0.1, 0.9])
+    middle = np.median(seen, axis=0)
+    tints = np.stack([middle, middle])[:TINTS]
+    tints[:, 0] = low, high
+    for _ in range(8):
+        level = seen.copy()
+        level[:, 0] -= where @ slope
+        nearest = np.argmin(((level[:, None] - tints) ** 2).sum(axis=2), axis=1)
+        for index in range(TINTS):
+            if (nearest == index).sum() >= 10:
+                tints[index] = np.median(level[nearest == index], axis=0)
+        off = seen[:, 0] - tints[nearest, 0]
+        usual = np.abs(off - where @ slope) < 12.0
+        if usual.sum() > 10:
+            slope = np.linalg.lstsq(where[usual], off[usual], rcond=None)[0]
+    return tints, slope
+
+
+def _local_mean(pixels: Floats, chosen: Mask) -> Floats:
+    """Mean colour of the chosen pixels round every pixel."""
+    weight = ndimage.gaussian_filter(chosen.astype(np.float64), NEARBY) + 1e-9
+    sums = [ndimage.gaussian_filter(np.where(chosen, pixels[..., c], 0.0), NEARBY) for c in range(3)]
+    return np.stack([each / weight for each in sums], axis=-1)
+
+
+def skimage_module(name: str) -> Any:
+    """A module of scikit-image, which is an extra.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    import importlib
+
+    try:
+        return importlib.import_module(f"skimage.{name}")
+    except ImportError:
+        raise InputError("scikit-image", "is needed for photographs", "pip install 'warp-cloth[photo]'") from None

@@ -1,0 +1,102 @@
+"""Drapes of cloth in dimensionless numbers: what counts is its bending length over the support's radius."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.bench.trials import DRAPE_ITERATIONS, DRAPE_MODES, SUPPORT_RADIUS, drape_disc, hung
+from warp_cloth.drape.outline import ANGLES, Floats, Outline, outline_of_drape
+from warp_cloth.material.fabric import Fabric
+from warp_cloth.material.laboratory import GRAVITY, bending_length, bending_of_rigidity, rigidity_of_bending
+
+RINGS = (20, 36)  # fewest and most; 930 vertices, 1 to 2 s on a core, and 2,900
+EDGE = 0.4  # of the bending length, at most where rings allow; coarser meshes hold limp cloth up by 10 points
+STARTING_WAVE = 4e-3  # [m], at the rim, where a drape starts in the folds of a photograph
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedDrape:
+    """A disc at rest on a support of ``bench.trials.SUPPORT_RADIUS``, and its outline."""
+
+    mesh: Mesh
+    points: Points  # [m], shape [V, 3]
+    outline: Outline
+
+
+def bending_lengths(fabric: Fabric) -> tuple[float, float]:
+    """Bending lengths [m] along warp and weft."""
+    warp, weft = (
+        bending_length(rigidity_of_bending(bending, fabric.weight), fabric.weight)
+        for bending in (fabric.bending_warp, fabric.bending_weft)
+    )
+    return warp, weft
+
+
+def with_bending_lengths(fabric: Fabric, warp: float, weft: float) -> Fabric:
+    """The fabric with other bending lengths [m]."""
+    warp_bending, weft_bending = (
+        bending_of_rigidity(fabric.weight * GRAVITY * length**3, fabric.weight) for length in (warp, weft)
+    )
+    return replace(fabric, bending_warp=warp_bending, bending_weft=weft_bending)
+
+
+def simulate(
+    fabric: Fabric,
+    support: float,
+    ratio: float,
+    starts: Sequence[Floats],
+    *,
+    device: str = "cpu",
+    rings: int | None = None,
+) -> list[SimulatedDrape]:
+    """Drapes discs of ``ratio`` times the support's radius [m], each from waves of its own.
+
+    The drape is computed on the bench's support with the bending lengths scaled to it, and stretch and shear scaled
+    with weight times radius, which leaves its shape the same. ``starts``: height of the rim over the angle [m], shape
+    [ANGLES] each. ``rings`` None: as the bending length asks.
+    """
+    scale = SUPPORT_RADIUS / support
+    warp, weft = bending_lengths(fabric)
+    scaled = with_bending_lengths(fabric, warp * scale, weft * scale)
+    scaled = replace(
+        scaled,
+        stretch_warp=fabric.stretch_warp * scale,
+        stretch_weft=fabric.stretch_weft * scale,
+        shear=None if fabric.shear is None else fabric.shear * scale,
+    )
+    radius = SUPPORT_RADIUS * ratio
+    if rings is None:
+        rings = int(np.clip(round(radius / (EDGE * min(warp, weft) * scale)), *RINGS))
+    mesh = drape_disc(rings, radius)
+    points = [_waved(mesh, radius, start) for start in starts]
+    return [
+        SimulatedDrape(mesh, each.points, outline_of_drape(mesh, each.points, SUPPORT_RADIUS))
+        for each in hung(mesh, scaled, points, device, DRAPE_ITERATIONS)
+    ]
+
+
+def random_start(seed: int) -> Floats:
+    """Slight waves [m] of every usual number of folds, shape [ANGLES]."""
+    phases = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, len(DRAPE_MODES))
+    turn = 2.0 * np.pi * np.arange(ANGLES) / ANGLES
+    wave = sum(np.cos(mode * turn + phase) for mode, phase in zip(DRAPE_MODES, phases, strict=True))
+    return np.asarray(1e-3 * wave)
+
+
+def start_of_outline(outline: Outline) -> Floats:
+    """Waves [m] in the folds of an outline: cloth is high where it stands out."""
+    smooth = outline.smooth - outline.smooth.mean()
+    return STARTING_WAVE * smooth / max(float(np.abs(smooth).max()), 1e-9)
+
+
+def _waved(mesh: Mesh, disc_radius: float, start: Floats) -> Points:
+    radius, angle = np.hypot(mesh.points[:, 0], mesh.points[:, 2]), np.arctan2(-mesh.points[:, 2], mesh.points[:, 0])
+    height = np.interp(angle * ANGLES / (2.0 * np.pi), np.arange(ANGLES), start, period=ANGLES)
+    out = np.maximum(radius - SUPPORT_RADIUS, 0.0) / (disc_radius - SUPPORT_RADIUS)
+    points = mesh.points.copy()
+    points[:, 1] += height * out**2
+    return points

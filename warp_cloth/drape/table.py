@@ -1,0 +1,160 @@
+"""The table of simulated drapes: bending lengths from a drape coefficient and an outline's elongation."""
+
+from __future__ import annotations
+
+import csv
+import functools
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.base.errors import InputError
+
+Floats = NDArray[np.float64]
+
+USUAL_ANISOTROPY = 0.2  # standard deviation of ln(bending length along warp / weft) of woven cloth
+KNOWN_CLASS = 0.03  # of ln(bending length): what shear and stretch a quarter off the base's do to a drape
+UNKNOWN_CLASS = 0.07  # the same where they may be four times off
+MOST_ERROR = 0.5  # of ln(bending length): what is known of cloth without a drape
+BEYOND = 8.0  # [points] outside the table, where the drape says that a cloth is limp or stiff, no more
+LEAST_SPREAD = 0.6  # [points] of one disc's coefficient
+
+
+@dataclass(frozen=True, eq=False)
+class Drapes:
+    """What discs of one ratio of disc to support drape like, over ln(bending length / support radius)."""
+
+    length: Floats  # ln, shape [N]
+    coefficient: Floats  # [%], rising, shape [N]
+    spread: float  # of one disc's coefficient [points]
+    elongation: Floats  # per ln(anisotropy), shape [N]
+    elongation_spread: float  # of one disc
+
+    def slope(self, length: float) -> float:
+        """Points of the coefficient per unit of ln(bending length)."""
+        step = 0.12
+        low, high = (float(np.interp(length + d, self.length, self.coefficient)) for d in (-step, step))
+        return max((high - low) / (2.0 * step), 5.0)
+
+
+@dataclass(frozen=True)
+class BendingEstimate:
+    """Bending lengths over the support's radius, as ln of their geometric mean and of warp over weft."""
+
+    length: float
+    length_error: float  # one standard deviation
+    anisotropy: float
+    anisotropy_error: float
+
+
+def drapes_of_ratio(ratio: float) -> Drapes:
+    """The table between its ratios of disc to support.
+
+    Raises:
+        InputError: it has no such ratio.
+    """
+    table = _tables()
+    ratios = np.array(sorted(table))
+    if not ratios[0] - 0.02 <= ratio <= ratios[-1] + 0.02:
+        problem = f"must be {ratios[0]:.2f} to {ratios[-1]:.2f} times the support's diameter, not {ratio:.2f}"
+        raise InputError("--disc-mm", problem, "usual are 240, 300 or 360 mm on 180 mm")
+    ratio = float(np.clip(ratio, ratios[0], ratios[-1]))
+    upper = int(np.clip(np.searchsorted(ratios, ratio), 1, len(ratios) - 1))
+    low, high = table[float(ratios[upper - 1])], table[float(ratios[upper])]
+    part = (ratio - ratios[upper - 1]) / (ratios[upper] - ratios[upper - 1])
+
+    def mixed(a: Floats, b: Floats) -> Floats:
+        return np.asarray((1.0 - part) * a + part * b)
+
+    return Drapes(
+        low.length,
+        mixed(low.coefficient, high.coefficient),
+        max(low.spread, high.spread),
+        mixed(low.elongation, high.elongation),
+        max(low.elongation_spread, high.elongation_spread),
+    )
+
+
+def estimate(
+    drapes: Drapes, coefficients: Floats, errors: Floats, elongations: Floats | None, place: str, *, rest_error: float
+) -> BendingEstimate:
+    """Bending from one or several drapes of a fabric; ``elongations`` None: warp and weft are not told apart.
+
+    ``rest_error`` [ln of the bending length] is what the unknown shear and stretch may do.
+
+    Raises:
+        InputError: no cloth of the table drapes so; placed at ``place``.
+    """
+    mean = float(np.mean(coefficients))
+    low, high = float(drapes.coefficient[0]), float(drapes.coefficient[-1])
+    if not low - BEYOND <= mean <= min(high + BEYOND, 100.5):
+        problem = f"a drape coefficient of {mean:.1f} % is beyond the table's {low:.0f} to {high:.0f} %"
+        raise InputError(place, problem, "use a smaller disc for limp cloth, a larger one for stiff cloth")
+    length = float(np.interp(mean, drapes.coefficient, drapes.length))
+    count = len(coefficients)
+    single = drapes.spread**2 + float(np.mean(errors**2))
+    if count > 1:  # what the drapes themselves show, where it is more
+        single = max(single, float(np.var(coefficients, ddof=1)))
+    length_error = float(np.hypot(np.sqrt(single / count) / drapes.slope(length), rest_error))
+    length_error = min(length_error, MOST_ERROR)
+    anisotropy, anisotropy_error = 0.0, USUAL_ANISOTROPY
+    if elongations is not None:
+        gain = float(np.interp(length, drapes.length, drapes.elongation))
+        noise = drapes.elongation_spread**2 / count
+        # what is usual counts as one more observation: a weak picture then says little, not nonsense
+        precision = gain**2 / noise + 1.0 / USUAL_ANISOTROPY**2
+        anisotropy = gain * float(np.mean(elongations)) / noise / precision
+        anisotropy_error = float(precision**-0.5)
+    return BendingEstimate(length, length_error, anisotropy, anisotropy_error)
+
+
+@functools.cache
+def _tables() -> dict[float, Drapes]:
+    text = (files("warp_cloth.drape") / "drapes.csv").read_text(encoding="utf-8")
+    rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(text.splitlines())]
+    ratios = sorted({row["ratio"] for row in rows})
+    return {ratio: _drapes([row for row in rows if row["ratio"] == ratio]) for ratio in ratios}
+
+
+def _drapes(rows: list[dict[str, float]]) -> Drapes:
+    lengths = np.array(sorted({row["length"] for row in rows}))
+    levels, gains, residuals, off = [], [], [], []
+    for length in lengths:
+        here = [row for row in rows if row["length"] == length]
+        coefficients = np.array([row["coefficient"] for row in here])
+        uneven = np.log([row["anisotropy"] for row in here])
+        stretched = np.array([row["elongation"] for row in here])
+        usual = uneven < 0.3  # up to 1.35: what most fabrics are
+        levels.append(float(coefficients[usual].mean()))
+        residuals.append(coefficients[usual] - levels[-1])
+        # the constant is the mesh's, whose six sides are not alike along warp and weft: cloth has none
+        gain, constant = np.polyfit(uneven, stretched, 1)
+        gains.append(max(float(gain), 0.0))
+        off.append(stretched - constant - gain * uneven)
+    rising = _monotone(np.array(levels))
+    return Drapes(
+        np.log(lengths),
+        rising,
+        max(float(np.concatenate(residuals).std()), LEAST_SPREAD),
+        _smooth(np.array(gains)),
+        float(np.concatenate(off).std()),
+    )
+
+
+def _monotone(values: Floats) -> Floats:
+    """The rising sequence closest to the values (pool adjacent violators), strictly rising."""
+    blocks: list[list[float]] = []
+    for value in values:
+        blocks.append([float(value), 1.0])
+        while len(blocks) > 1 and blocks[-2][0] >= blocks[-1][0]:
+            (a, n), (b, m) = blocks[-2], blocks.pop()
+            blocks[-1] = [(a * n + b * m) / (n + m), n + m]
+    flat = np.concatenate([np.full(int(count), value) for value, count in blocks])
+    return flat + 1e-6 * np.arange(len(flat))
+
+
+def _smooth(values: Floats) -> Floats:
+    padded = np.pad(values, 1, mode="edge")
+    return np.asarray(0.25 * padded[:-2] + 0.5 * padded[1:-1] + 0.25 * padded[2:])
