@@ -229,10 +229,12 @@ def _band(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
     centre = np.full(2, 0.5 * (x.min() + x.max()))
     if part.kind == "cuff":
         return _cuff(parts, index, figure, along, levels, centre, bend)
-    outward = figure.forward if part.kind == "collar" else figure.left
-    heights = {"collar": float(figure.neck[1]), "waistband": float(figure.middle[1])}
-    bottom = heights.get(part.kind)
-    if bottom is None:
+    # a ring begins at the back for a collar, at the right side round a waist, at the left below a hem; see proposal.py
+    lower = any(each.kind.startswith(("leg", "skirt")) for each in parts)
+    below_hem = part.kind == "hem_band" or (part.kind == "waistband" and not lower)
+    outward = figure.forward if part.kind == "collar" else -figure.left if below_hem else figure.left
+    bottom = float(figure.neck[1] if part.kind == "collar" else figure.middle[1])
+    if below_hem:
         fronts = [each for each in parts if each.kind == "front"]
         tall = max((float(np.ptp(each.shape.box, axis=0)[1]) for each in fronts), default=0.6)
         bottom = float(figure.neck[1]) - tall - width
