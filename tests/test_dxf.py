@@ -169,6 +169,20 @@ def test_a_piece_that_is_sewn_to_nothing_is_named(folder: Path) -> None:
     assert len(drafted_pattern(vest, None).stitches) == 4
 
 
+def test_pairs_and_sides_without_quantities_and_sizes(folder: Path) -> None:
+    legs = [replace(piece, quantity="none") for piece in GARMENTS["trousers"](0.0)]
+    assert kinds(read_drafted(write(folder / "legs.dxf", {"": legs}))) == TRUE_SEAMS["trousers"]
+    front, back, sleeve, neck = tshirt()
+    other = [[(-x, y) for x, y in edge[::-1]] for edge in sleeve.edges[::-1]]
+    sleeves = [
+        replace(sleeve, name="SLEEVE L", quantity="1"),
+        replace(sleeve, name="SLEEVE R", quantity="1", edges=other, notches=[(-x, y) for x, y in sleeve.notches]),
+    ]
+    draft = read_drafted(write(folder / "sided.dxf", {"": [front, back, *sleeves, neck]}))
+    assert kinds(draft) == TRUE_SEAMS["tshirt"]
+    assert not draft.sizes
+
+
 def test_unknown_names_are_never_sewn_by_length_alone(folder: Path) -> None:
     pieces = [replace(piece, name=f"P{number}") for number, piece in enumerate(tshirt())]
     path = write(folder / "unknown.dxf", {"M": pieces})

@@ -100,14 +100,17 @@ def _draw_pieces(file: Path, name: str, out: Path, edge: float, *, size: str | N
     from warp_cloth.export.files import whole_file
     from warp_cloth.export.pattern_picture import save_pattern_pictures
     from warp_cloth.pattern import DraftOptions, read_drafted, sewn_mesh
-    from warp_cloth.pattern.drafted import drafted_pattern, drawn_pattern, unjoined
+    from warp_cloth.pattern.drafted import drafted_pattern, drawn_pattern, not_joined, unjoined
     from warp_cloth.pattern.seam_table import seam_table
 
     draft = read_drafted(file, DraftOptions(size, allowance))
     alone = unjoined(draft)
     notes, vertices = [*draft.notes], 0
+    loose = not_joined(draft)
     if alone:
         notes.append(f'sewn to nothing so far: {", ".join(alone)}; state their seams, or place = "none"')
+    elif loose is not None:
+        notes.append(f"in parts so far: whether {loose[0]} is sewn to {loose[1]} is not sure; state the seams")
     else:
         vertices = sewn_mesh(drafted_pattern(draft, None), name, edge=edge).vertex_count
     paths = save_pattern_pictures(drawn_pattern(draft), name, out)

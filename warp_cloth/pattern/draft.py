@@ -118,7 +118,8 @@ def _copies(piece: Piece, said: Stated, part: Part, place: str, notes: list[str]
     """Whether the piece is cut as drawn, and mirrored."""
     stated = said.copies if said.copies is not None else piece.copies
     if stated is None:
-        pair = part.kind in PAIRED and part.side == BOTH
+        one_sided = named(piece.name).side != BOTH or PLACES.get(said.place or "", ("", BOTH))[1] != BOTH
+        pair = part.kind in PAIRED and not one_sided
         if pair:
             notes.append(f"{place} states no quantity: a pair is taken")
         return True, pair

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from itertools import zip_longest
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
@@ -113,11 +114,24 @@ def unjoined(draft: Draft) -> tuple[str, ...]:
     count = len(draft.parts)
     if count == 1:
         return ()
+    alone = np.bincount(_groups(draft), minlength=count)[_groups(draft)] == 1
+    return tuple(part.name for part, lonely in zip(draft.parts, alone, strict=True) if lonely)
+
+
+def _groups(draft: Draft) -> NDArray[np.int64]:
+    """The lowest part that each part is sewn to, however far, shape [P]."""
     pairs = [(a.panel, b.panel) for joint in draft.joints for a in joint.one for b in joint.other]
     one, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-    group = connected_components(count, one, other)
-    alone = np.bincount(group, minlength=count)[group] == 1
-    return tuple(part.name for part, lonely in zip(draft.parts, alone, strict=True) if lonely)
+    return connected_components(len(draft.parts), one, other)
+
+
+def not_joined(draft: Draft) -> tuple[str, str] | None:
+    """Runs of edges of two unconnected groups of parts that a proposal would join, if it were surer."""
+    group = _groups(draft)
+    for joint in draft.unsewn:
+        if group[joint.one[0].panel] != group[joint.other[0].panel]:
+            return side_text(draft.parts, joint.one), side_text(draft.parts, joint.other)
+    return None
 
 
 def drafted_pattern(draft: Draft, figure: Figure | None) -> Pattern:
@@ -133,6 +147,10 @@ def drafted_pattern(draft: Draft, figure: Figure | None) -> Pattern:
         verb = "is" if one else "are"
         raise InputError(f"{draft.file}: piece{'' if one else 's'} {listed}", f"{verb} sewn to nothing",
                          f'{ADVICE}, or state place = "none" to leave a piece out')  # fmt: skip
+    loose = not_joined(draft)
+    if loose is not None:
+        one_side, other_side = map(short, loose)
+        raise InputError(draft.file, f'is in parts: whether "{one_side}" is sewn to "{other_side}" is not sure', ADVICE)
     figure = figure or figure_of(None)
     wraps = wraps_of(draft.parts, draft.joints, figure)
     made = cut(draft.parts, draft.joints)

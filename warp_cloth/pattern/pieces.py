@@ -344,7 +344,8 @@ def _sized(pieces: list[Piece]) -> list[Piece]:
         if piece.size:
             named = size.lower() == piece.size.lower()
         else:
-            others = sum(1 for each in ends if each is not None and each[1] == stem)
-            named = size.upper() in SIZES or (size.isdigit() and int(size) > 3 and others > 1)
+            of_stem = [each[2].upper() for each in ends if each is not None and each[1] == stem]
+            others = len(of_stem)
+            named = (size.upper() in SIZES and "R" not in of_stem) or (size.isdigit() and int(size) > 3 and others > 1)
         out.append(replace(piece, name=stem, size=size) if named else piece)
     return out

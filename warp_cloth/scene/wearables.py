@@ -238,6 +238,11 @@ class GarmentSpec(Wearable):
     def _fabric_values(self, fabric: Fabric) -> dict[str, Any]:
         return asdict(fabric)
 
+    @field_validator("size", mode="before")
+    @classmethod
+    def _size(cls, value: Any) -> Any:
+        return str(value) if type(value) is int and 0 <= value < 1000 else value
+
     @field_validator("seam", "piece", mode="before")
     @classmethod
     def _tables(cls, value: Any) -> Any:
