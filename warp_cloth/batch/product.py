@@ -95,7 +95,7 @@ def _is_scene(text: str) -> bool:
 
 
 def _garment_key(file: str) -> str:
-    return "garment.pattern" if file.lower().endswith(".json") else "garment.mesh"
+    return "garment.pattern" if file.lower().endswith((".json", ".dxf")) else "garment.mesh"
 
 
 def _names_size(entry: Mapping[str, Any]) -> bool:

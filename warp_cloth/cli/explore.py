@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -34,16 +36,27 @@ def scenes() -> None:
 
 
 def pattern(
-    file: Annotated[Path, typer.Argument(help="Sewing pattern: a GarmentCode *_specification.json.")],
-    out: Annotated[Path, typer.Option(help="Output folder, for NAME_pattern.svg and NAME_pattern.png.")] = Path("out"),
+    file: Annotated[Path, typer.Argument(help="Sewing pattern: a GarmentCode *_specification.json, or a .dxf.")],
+    out: Annotated[
+        Path, typer.Option(help="Output folder, for NAME_pattern.svg and .png; NAME_seams.toml of a .dxf.")
+    ] = Path("out"),
     edge_mm: Annotated[
         float | None, typer.Option(help="Edge length of the mesh [mm].", min=2.0, max=60.0, show_default="15")
     ] = None,
+    size: Annotated[
+        str | None, typer.Option(help="Size of a .dxf with several.", show_default="the middle one")
+    ] = None,
+    seam_allowance_mm: Annotated[
+        float, typer.Option(help="Seam allowance of pieces of a .dxf that have no sew line [mm].", min=0.0, max=100.0)
+    ] = 0.0,
 ) -> None:
     """Draw a pattern: its panels in millimetres, with numbered edges and the stitches that sew them.
 
+    Of a .dxf, which has no seams, NAME_seams.toml proposes them, each with a confidence: a scene to go on from.
+
     \b
     warp-cloth pattern dress_specification.json --out drawn
+    warp-cloth pattern shirt.dxf --size L --out drawn
     """
     with one_line_errors():
         from warp_cloth.loading.raw import counted
@@ -52,17 +65,59 @@ def pattern(
 
         name = file_stem(file)
         with output_folder(out, f"{name}_pattern"):
-            from warp_cloth.export.pattern_picture import save_pattern_pictures
-            from warp_cloth.pattern import read_pattern, sewn_mesh
+            from warp_cloth.pattern import is_drafted
 
             edge = PATTERN_EDGE_MM if edge_mm is None else edge_mm
-            read = read_pattern(file)
-            mesh = sewn_mesh(read, name, edge=1e-3 * edge)
-            paths = save_pattern_pictures(read, name, out)
-            sizes = (len(read.panels), "panel"), (len(read.stitches), "seam"), (mesh.vertex_count, "vertex")
-    typer.echo(f"{name}: {', '.join(counted(*size) for size in sizes)} at {edge:g} mm")
-    for line in [*(f"  note {note}" for note in mesh.notes), *(f"  wrote {path}" for path in paths)]:
+            draw = partial(_draw_pieces, size=size, allowance=1e-3 * seam_allowance_mm)
+            drawn = (draw if is_drafted(file) else _draw_panels)(file, name, out, 1e-3 * edge)
+    vertices = f", {counted(drawn.vertices, 'vertex')} at {edge:g} mm" if drawn.vertices else ""
+    typer.echo(f"{name}: {counted(drawn.panels, 'panel')}, {counted(drawn.seams, 'seam')}{vertices}")
+    for line in [*(f"  note {note}" for note in drawn.notes), *(f"  wrote {path}" for path in drawn.paths)]:
         typer.echo(line)
+
+
+class _DrawnPattern(NamedTuple):
+    """What was drawn, and the files."""
+
+    panels: int
+    seams: int
+    vertices: int  # 0: not all is sewn
+    notes: Sequence[str]
+    paths: Sequence[Path]
+
+
+def _draw_panels(file: Path, name: str, out: Path, edge: float) -> _DrawnPattern:
+    from warp_cloth.export.pattern_picture import save_pattern_pictures
+    from warp_cloth.pattern import read_pattern, sewn_mesh
+
+    read = read_pattern(file)
+    mesh = sewn_mesh(read, name, edge=edge)
+    paths = save_pattern_pictures(read, name, out)
+    return _DrawnPattern(len(read.panels), len(read.stitches), mesh.vertex_count, mesh.notes, paths)
+
+
+def _draw_pieces(file: Path, name: str, out: Path, edge: float, *, size: str | None, allowance: float) -> _DrawnPattern:
+    from warp_cloth.export.files import whole_file
+    from warp_cloth.export.pattern_picture import save_pattern_pictures
+    from warp_cloth.pattern import DraftOptions, read_drafted, sewn_mesh
+    from warp_cloth.pattern.drafted import drafted_pattern, drawn_pattern, not_joined, unjoined
+    from warp_cloth.pattern.seam_table import seam_table
+
+    draft = read_drafted(file, DraftOptions(size, allowance))
+    alone = unjoined(draft)
+    notes, vertices = [*draft.notes], 0
+    loose = not_joined(draft)
+    if alone:
+        notes.append(f'sewn to nothing so far: {", ".join(alone)}; state their seams, or place = "none"')
+    elif loose is not None:
+        notes.append(f"in parts so far: whether {loose[0]} is sewn to {loose[1]} is not sure; state the seams")
+    else:
+        vertices = sewn_mesh(drafted_pattern(draft, None), name, edge=edge).vertex_count
+    paths = save_pattern_pictures(drawn_pattern(draft), name, out)
+    paths.append(out / f"{name}_seams.toml")
+    with whole_file(paths[-1]) as place:
+        place.write_text(seam_table(draft, file, out, allowance), encoding="utf-8")
+    return _DrawnPattern(len(draft.parts), len(draft.joints), vertices, notes, paths)
 
 
 def fabric(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.export.files import whole_file
+from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Curve
 from warp_cloth.pattern.specification import Panel, Pattern, Side, short
 
@@ -19,6 +20,7 @@ Floats = NDArray[np.float64]
 GAP = 40.0  # [mm] between panels, with room for a name
 ROW = 2.0  # width of the sheet over the height that all panels need if it is as wide
 TEXT, SMALL, LABEL = 12.0, 8.0, 13.0  # [mm]: letters of names and of edges, and from an edge to its label
+NOTCH = 7.0  # [mm]
 GRAIN = 0.4  # of a panel's height
 MOST_PIXELS = 8000  # along a side of the PNG; 1 mm is a pixel where that suffices
 PLAIN = "#000000"
@@ -71,6 +73,11 @@ def pattern_svg(pattern: Pattern) -> str:
         arrow = " ".join(f"{x:.2f},{y:.2f}" for x, y in heads)
         lines.append(f'<path stroke="#888888" d="M {x0:.2f} {y0:.2f} L {x1:.2f} {y1:.2f}"/>')
         lines.append(f'<polyline stroke="#888888" points="{arrow}"/>')
+        lines += [f'<path stroke="#888888" d="{_path(sheet, index, Chain(line))}"/>' for line in panel.lines]
+        lines += [
+            f'<path stroke="{PLAIN}" stroke-width="1.2" d="M {x0:.2f} {y0:.2f} L {x1:.2f} {y1:.2f}"/>'
+            for (x0, y0), (x1, y1) in _notches(sheet, index, panel)
+        ]
         for text, (x, y), size, colour in _labels(sheet, index, panel, sewn):
             lines.append(f'<text x="{x:.2f}" y="{y:.2f}" font-size="{size:g}" fill="{colour}">{escape(text)}</text>')
         lines.append("</g>")
@@ -92,6 +99,10 @@ def _save_png(pattern: Pattern, path: Path) -> None:
         start, end, *heads = _grain(sheet, index, panel)
         for line in ((start, end), heads):
             pen.line([(scale * x, scale * y) for x, y in line], fill="#888888", width=1)
+        for points in (sheet.placed(index, line) for line in panel.lines):
+            pen.line([(scale * x, scale * y) for x, y in points.tolist()], fill="#888888", width=1)
+        for ends in _notches(sheet, index, panel):
+            pen.line([(scale * x, scale * y) for x, y in ends], fill=PLAIN, width=3)
         for text, (x, y), size, colour in _labels(sheet, index, panel, sewn):
             font = ImageFont.load_default(max(6.0, 1.3 * scale * size))
             pen.text((scale * x, scale * y), text, fill=colour, font=font, anchor="ms")
@@ -125,6 +136,8 @@ def _path(sheet: _Sheet, panel: int, curve: Curve) -> str:
     if curve.turn:
         radius, large = 1e3 * curve.radius, int(abs(curve.turn) > np.pi)
         return f"M {points[0]} A {radius:.3f} {radius:.3f} 0 {large} {int(curve.turn < 0.0)} {points[1]}"
+    if isinstance(curve, Chain):
+        return f"M {points[0]} L {' '.join(points[1:])}"
     return f"M {points[0]} {' LQC'[len(points) - 1]} {' '.join(points[1:])}"
 
 
@@ -157,6 +170,20 @@ def _labels(
         stitch = sewn.get(Side(index, place))
         text = str(edge.number) if stitch is None else f"{edge.number}:{stitch}"
         yield text, (x, y + 0.35 * SMALL), SMALL, _colour(stitch)
+
+
+def _notches(sheet: _Sheet, index: int, panel: Panel) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
+    """Ends of each notch's stroke [mm], from the outline inwards."""
+    if panel.notches is None or not len(panel.notches):
+        return
+    shares = np.linspace(0.0, 1.0, 129)
+    points = np.concatenate([edge.curve.at(shares) for edge in panel.edges])
+    along = np.concatenate([np.gradient(edge.curve.at(shares), axis=0) for edge in panel.edges])
+    for notch in panel.notches:
+        way = along[int(np.hypot(*(points - notch).T).argmin())]
+        inward = np.array([-way[1], way[0]]) / max(float(np.hypot(*way)), 1e-12) * np.sign(panel.area)
+        (x0, y0), (x1, y1) = sheet.placed(index, np.stack([notch, notch + 1e-3 * NOTCH * inward])).tolist()
+        yield (x0, y0), (x1, y1)
 
 
 def _grain(sheet: _Sheet, index: int, panel: Panel) -> list[tuple[float, float]]:

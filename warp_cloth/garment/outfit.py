@@ -26,7 +26,8 @@ from warp_cloth.garment.reading import read_again
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
 from warp_cloth.loading import Placement, check_sizes, load_mesh_once, load_poses, without_area
-from warp_cloth.pattern import load_pattern
+from warp_cloth.pattern import figure_of, load_pattern
+from warp_cloth.pattern.figure import Figure
 from warp_cloth.scene import AvatarSpec, BodyMeasures, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.scene.predrape import predrape_scene_of
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
@@ -35,7 +36,7 @@ FABRIC_KEYS = {"fabric", "pin", "name"}  # keys of a garment that its rest geome
 # keys of a garment or an avatar that its mesh depends on
 MESH_KEYS = {
     *("mesh", "pattern", "edge_mm", "shape", "measures", "prim", "units", "up", "translate", "rotate", "scale"),
-    *("rest", "uv_units"),
+    *("rest", "uv_units", "size", "seam_allowance_mm", "seam", "piece"),
 }
 
 T = TypeVar("T")
@@ -214,7 +215,7 @@ def mesh_recipes(scene: Scene) -> list[Recipe]:
     """Recipes of the meshes of a scene's garments, inner to outer, then of its avatar, if it has one."""
     body = _body(scene)
     recipes = [
-        Recipe(garment_keys(scene, index).mesh, partial(_garment_mesh, spec, key, body))
+        Recipe(garment_keys(scene, index).mesh, partial(_garment_mesh, spec, key, body, _laid_round(scene, spec)))
         for index, (spec, key) in enumerate(zip(scene.garments, scene.garment_keys, strict=True))
     ]
     return [*recipes, *avatar_recipe(scene)]
@@ -229,10 +230,17 @@ def avatar_recipe(scene: Scene) -> list[Recipe]:
     return [Recipe(key, partial(_avatar_mesh, scene.avatar))]
 
 
+def _laid_round(scene: Scene, spec: GarmentSpec) -> AvatarSpec | None:
+    """The avatar whose shape decides where a garment's panels start; None: it does not."""
+    return scene.avatar if spec.is_drafted else None
+
+
 def garment_keys(scene: Scene, index: int) -> GarmentKeys:
     """Cache keys of a scene's garment."""
     spec, key = scene.garments[index], scene.garment_keys[index]
-    common = _directory(scene), key, str(_body(scene))
+    common: Key = (_directory(scene), key, str(_body(scene)))
+    if _laid_round(scene, spec) is not None:
+        common = *common, *avatar_recipe(scene)[0].key[1:]
     stamp = _file_stamp(spec.file, spec.grain_texture)
     return GarmentKeys(
         ("mesh", *common, _values(spec, MESH_KEYS), stamp),
@@ -267,7 +275,8 @@ def _rest_of(scene: Scene, index: int, keys: GarmentKeys, mesh_cache: MeshCache)
 
 def _geometry_of(scene: Scene, index: int, keys: GarmentKeys, mesh_cache: MeshCache) -> tuple[Mesh, RestGeometry]:
     spec, key = scene.garments[index], scene.garment_keys[index]
-    mesh = mesh_cache.get(keys.mesh, partial(_garment_mesh, spec, key, _body(scene), mesh_cache.drafts))
+    make = partial(_garment_mesh, spec, key, _body(scene), _laid_round(scene, spec), mesh_cache.drafts)
+    mesh = mesh_cache.get(keys.mesh, make)
     return mesh, mesh_cache.get(keys.geometry, partial(_geometry, mesh, spec, key))
 
 
@@ -340,13 +349,20 @@ def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tu
     return rest, pins
 
 
-def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | BodyMeasures | None, drafts: Cache) -> Mesh:
+def _garment_mesh(
+    spec: GarmentSpec,
+    key: str,
+    body: MannequinMeasures | BodyMeasures | None,
+    laid_round: AvatarSpec | None,
+    drafts: Cache,
+) -> Mesh:
     placement = Placement(spec.translate, spec.rotate, spec.scale)
     if spec.mesh is None:
         if isinstance(body, BodyMeasures):
             body = measured_mannequin(body, drafts)[0]
         if spec.pattern is not None:
-            mesh = load_pattern(spec.pattern, edge=spec.edge)
+            figure = None if laid_round is None else _figure(laid_round, drafts)
+            mesh = load_pattern(spec.pattern, edge=spec.edge, options=spec.draft_options, figure=figure)
         else:
             mesh = build_garment(spec.shape, body=body, cache=drafts)
         return replace(mesh, points=placement.moved(mesh.points * spec.scale))
@@ -365,6 +381,12 @@ def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | BodyMea
     kept = spec.rest == "auto" and bool(without_area(mesh.points, mesh.triangles).any())
     as_modelled = kept and choose_rest(mesh, "auto", spec.uv_metres, key, spec.scale).kind == "mesh"
     return load(rest="mesh") if as_modelled else mesh
+
+
+def _figure(avatar: AvatarSpec, drafts: Cache) -> Figure:
+    """The parts of an avatar that panels are laid round, found once."""
+    parameters = _values(avatar, MESH_KEYS), _file_stamp(avatar.mesh)
+    return drafts.get_or_make("figure", (), lambda: figure_of(_avatar_mesh(avatar, drafts)), *parameters)
 
 
 def _avatar_mesh(spec: AvatarSpec, drafts: Cache) -> Mesh:

@@ -15,38 +15,59 @@ from warp_cloth.loading.load import content
 from warp_cloth.pattern.crowding import crowded_edges, parted
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.delaunay import Ints, OutlineError
+from warp_cloth.pattern.drafted import Draft, DraftOptions, drafted_pattern, read_draft
+from warp_cloth.pattern.figure import Figure
 from warp_cloth.pattern.mesher import Flat, meshed
 from warp_cloth.pattern.outline import Outline, SewnOutlines, sewn_outlines
 from warp_cloth.pattern.sewing import Seam, seams_of
 from warp_cloth.pattern.specification import Pattern, read_specification, short
 
+DRAFTED = ".dxf"
 MOST_VERTICES = 2_000_000
 PARTING_ROUNDS = 20
 _EIGHTHS = np.linspace(0.0, 1.0, 9)
 
 
-def load_pattern(path: Path, *, edge: float) -> Mesh:
-    """The garment of a GarmentCode specification, in metres, its panels meshed, placed and sewn.
+def load_pattern(path: Path, *, edge: float, options: DraftOptions | None = None, figure: Figure | None = None) -> Mesh:
+    """The garment of a pattern file, in metres, its panels meshed, placed and sewn.
 
     Args:
-        path: ``NAME_specification.json``.
+        path: ``NAME_specification.json`` of GarmentCode, or a .dxf file by AAMA or ASTM.
         edge: edge length of the mesh [m].
+        options: what is stated of a DXF file's pieces and seams.
+        figure: the body that a DXF file's pieces are laid round; None: a usual one.
 
     Texture coordinates are the panels as drawn, side by side [m]. The same file gives the same bits.
 
     Raises:
         InputError: the file cannot be read, or states what cannot be cut or sewn.
     """
-    return sewn_mesh(read_pattern(path), path.stem, edge=edge)
+    return sewn_mesh(read_pattern(path, options, figure), path.stem, edge=edge)
 
 
-def read_pattern(path: Path) -> Pattern:
-    """The panels and stitches of a GarmentCode specification.
+def read_pattern(path: Path, options: DraftOptions | None = None, figure: Figure | None = None) -> Pattern:
+    """The panels and stitches of a pattern file; arguments as of ``load_pattern``.
 
     Raises:
         InputError: the file cannot be read, or states an impossible panel, edge or stitch.
     """
-    return read_specification(str(path), content(path))
+    if not is_drafted(path):
+        return read_specification(str(path), content(path))
+    return drafted_pattern(read_drafted(path, options), figure)
+
+
+def is_drafted(path: Path) -> bool:
+    """Whether a pattern file has pieces alone, without places and seams."""
+    return path.suffix.lower() == DRAFTED
+
+
+def read_drafted(path: Path, options: DraftOptions | None = None) -> Draft:
+    """The pieces of a DXF file, and their seams as stated or proposed.
+
+    Raises:
+        InputError: ezdxf is not installed, the file cannot be read, or what is stated does not fit it.
+    """
+    return read_draft(str(path), content(path), options or DraftOptions())
 
 
 def sewn_mesh(pattern: Pattern, name: str, *, edge: float) -> Mesh:

@@ -18,6 +18,7 @@ import numpy as np
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.curve import Curve, Floats, arc, from_edge_frame
+from warp_cloth.pattern.wrap import Wrap
 
 EXPORT_AGAIN = "export the specification again"
 UNITS = (1e-3, 1e5)  # per metre: kilometres to hundredths of a millimetre
@@ -48,9 +49,14 @@ class Panel:
     edges: tuple[Edge, ...]
     rotation: Floats  # shape [3, 3]
     translation: Floats  # [m], shape [3]
+    wrap: Wrap | None = None  # instead of both, where it is laid round the body
+    notches: Floats | None = None  # [m], shape [N, 2]; drawn only
+    lines: tuple[Floats, ...] = ()  # inner lines [m], shape [n, 2] each; drawn only
 
     def placed(self, points: Floats) -> Floats:
         """Points of the panel [m], shape [N, 2], where they start, shape [N, 3]."""
+        if self.wrap is not None:
+            return self.wrap.placed(points)
         return np.asarray(points @ self.rotation[:, :2].T + self.translation)
 
     @property

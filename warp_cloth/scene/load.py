@@ -20,7 +20,7 @@ from warp_cloth.scene.overrides import Override, apply_override, overrides_of, p
 from warp_cloth.scene.paths import file_stem
 from warp_cloth.scene.schema import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, stage_values
-from warp_cloth.scene.worn_on import MESH_SUFFIXES, PATTERN_SUFFIX, is_mesh, missing_file, worn_on
+from warp_cloth.scene.worn_on import MESH_SUFFIXES, PATTERN_SUFFIXES, is_mesh, missing_file, worn_on
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def _read(source: Any, on: Any, fabric: Any) -> _Source:
     path = _scene_file(source if isinstance(source, str) else arguments.path(source, "scene"))
     if path.suffix.lower() in MESH_SUFFIXES:
         raise InputError(path, "is a mesh, not a scene", 'say what it is worn on: on="BODY.obj" or on="mannequin"')
-    if path.suffix.lower() == PATTERN_SUFFIX:
+    if path.suffix.lower() in PATTERN_SUFFIXES:
         raise InputError(path, "is no scene", 'if it is a pattern, say what it is worn on: on="BODY.obj"')
     if path.suffix.lower() in USD_SUFFIXES:
         return _Source(str(path), path.stem, path.parent, stage_values(path), path)

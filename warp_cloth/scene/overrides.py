@@ -21,7 +21,11 @@ PART = re.compile(r"([A-Za-z_][\w-]*)((?:\[\d{1,6}\])*)")
 
 
 # Where a garment or an avatar comes from, with the keys that are for one of these alone
-SOURCES = {"mesh": ("mesh", "prim", "units", "up"), "pattern": ("pattern", "edge_mm"), "shape": ("shape",)}
+SOURCES = {
+    "mesh": ("mesh", "prim", "units", "up"),
+    "pattern": ("pattern", "edge_mm", "size", "seam_allowance_mm", "seam", "piece"),
+    "shape": ("shape",),
+}
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,13 @@ from warp_cloth.material.fabric import Fabric
 from warp_cloth.scene.messages import bare_annotation
 from warp_cloth.scene.schema import CollisionSpec, Scene, SolverSpec
 from warp_cloth.scene.shapes import BodyMeasures, MannequinShape, SphereShape, SquareShape, TshirtShape
-from warp_cloth.scene.wearables import AvatarSpec, GarmentSpec, PinSpec, Wearable
+from warp_cloth.scene.wearables import AvatarSpec, GarmentSpec, PieceSpec, PinSpec, SeamSpec, Wearable
 
 TABLES: tuple[tuple[str, type[BaseModel]], ...] = (
     ("garment", GarmentSpec),
     ("garment.pin", PinSpec),
+    ("garment.seam", SeamSpec),
+    ("garment.piece", PieceSpec),
     ("garment.shape", SquareShape),
     ("garment.shape", TshirtShape),
     ("avatar", AvatarSpec),

@@ -12,15 +12,25 @@ from pydantic import Field, ValidationInfo, field_serializer, field_validator, m
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
 from warp_cloth.material.fabric import Fabric, resolve_fabric
+from warp_cloth.pattern import DraftOptions, is_drafted
+from warp_cloth.pattern.draft import Stated
+from warp_cloth.pattern.joints import StatedSeam
 from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.paths import checked_name, directory_of, path_from
-from warp_cloth.scene.shapes import AvatarShape, BodyMeasures, GarmentShape, Point, Real, Table, VertexId
+from warp_cloth.scene.shapes import AvatarShape, BodyMeasures, GarmentShape, Integer, Point, Real, Table, VertexId
 
 RestShape = Literal["auto", "mesh", "uv", "physics"]
 RestAngles = Literal["flat", "mesh", "physics"]
 UvUnit = Literal["auto", LengthUnit]
 UV_UNITS: tuple[UvUnit, ...] = ("auto", *LENGTH_UNITS)
 LoopSide = Literal["top", "bottom", "left", "right", "front", "back"]
+Place = Literal[
+    "front", "back", "left_front", "right_front", "left_back", "right_back", "sleeve", "left_sleeve", "right_sleeve",
+    "leg_front", "left_leg_front", "right_leg_front", "leg_back", "left_leg_back", "right_leg_back", "skirt_front",
+    "skirt_back", "hood", "left_hood", "right_hood", "collar", "waistband", "hem_band", "cuff", "left_cuff",
+    "right_cuff", "none",
+]  # fmt: skip
+Copies = Annotated[Integer, Field(ge=0, le=1)]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]
 LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
 # GarmentCode simulates its designs at this: 7,000 vertices for a T-shirt and trousers, and folds of 6 cm
@@ -61,6 +71,27 @@ class PinSpec(Table):
         if sum(way is not None for way in (self.vertices, self.box, self.loop)) != 1:
             raise refusal("a pin needs exactly one of vertices, box and loop", "give one of them")
         return self
+
+
+class SeamSpec(Table):
+    """A seam of a DXF pattern: two runs of edges that are sewn together."""
+
+    sew: tuple[str, str] = Field(
+        description='Both sides, each "PIECE EDGE", or several such joined by +: ["SLEEVE 2", "BACK 3 + FRONT 5"].'
+    )
+    right_to_wrong: bool = Field(
+        default=False, description="Whether the right side of one cloth is sewn to the wrong side of the other."
+    )
+
+
+class PieceSpec(Table):
+    """A piece of a DXF pattern: what it covers, and how often it is cut."""
+
+    name: str = Field(min_length=1, description="The piece's name in the file.")
+    place: Place | None = Field(default=None, description="What it covers; by default as name and shape show.")
+    copies: tuple[Copies, Copies] | None = Field(
+        default=None, description="How often it is cut as drawn, and mirrored: [1, 1] is a pair; by default as stated."
+    )
 
 
 class Wearable(Table):
@@ -110,13 +141,28 @@ class GarmentSpec(Wearable):
     shape: GarmentShape | None = Field(default=None, description="A generated garment instead of a mesh; keys below.")
     pattern: Path | None = Field(
         default=None,
-        description="A sewing pattern instead of a mesh, meshed and sewn: a GarmentCode *_specification.json.",
+        description="A sewing pattern instead of a mesh: a GarmentCode *_specification.json, or a .dxf of pieces.",
     )
     edge_mm: Real | None = Field(
         default=None,
         ge=2,
         le=60,
         description=f"Edge length of a pattern's mesh [mm]; by default {PATTERN_EDGE_MM:g}, as GarmentCode's own.",
+    )
+    size: str | None = Field(
+        default=None, min_length=1, max_length=40, description="Size of a DXF pattern; by default the middle one."
+    )
+    seam_allowance_mm: Real | None = Field(
+        default=None,
+        ge=0,
+        le=100,
+        description="Seam allowance of a DXF pattern's pieces without a sew line; default 0.",
+    )
+    seam: tuple[SeamSpec, ...] = Field(
+        default=(), description="Seams of a DXF pattern; by default as proposed, where sure enough. Keys below."
+    )
+    piece: tuple[PieceSpec, ...] = Field(
+        default=(), description="What pieces of a DXF pattern are, where names and shapes do not show it; keys below."
     )
     translate: Point = Field(
         default=(0.0, 0.0, 0.0), description="Placement by hand, of the garment as loaded: moved by [m], x y z, y up."
@@ -192,6 +238,16 @@ class GarmentSpec(Wearable):
     def _fabric_values(self, fabric: Fabric) -> dict[str, Any]:
         return asdict(fabric)
 
+    @field_validator("size", mode="before")
+    @classmethod
+    def _size(cls, value: Any) -> Any:
+        return str(value) if type(value) is int and 0 <= value < 1000 else value
+
+    @field_validator("seam", "piece", mode="before")
+    @classmethod
+    def _tables(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, Mapping) else value
+
     @field_validator("pin", mode="before")
     @classmethod
     def _pins(cls, value: Any) -> Any:
@@ -209,10 +265,38 @@ class GarmentSpec(Wearable):
         if self.pattern is None and self.edge_mm is not None:
             remedy = "set shape.edge_mm" if self.shape is not None else "remove it"
             raise refusal("edge_mm is for a pattern, which is meshed, and none is given", remedy, below="edge_mm")
+        self._check_drafted()
         for key, plain in (("rest", "uv"), ("uv_units", "m")):
             if self.pattern is not None and getattr(self, key) not in ("auto", plain):
                 raise refusal("a pattern is its own rest shape, in metres", "remove it", below=key)
         return self
+
+    def _check_drafted(self) -> None:
+        """Refuses keys of a DXF pattern without one, and pieces that are stated twice."""
+        if not self.is_drafted:
+            for key in ("size", "seam_allowance_mm", "seam", "piece"):
+                if getattr(self, key) not in (None, ()):
+                    remedy = "set shape.size" if key == "size" and self.shape is not None else "remove it"
+                    raise refusal(f"{key} is for a DXF pattern, and none is given", remedy, below=key)
+        names = [piece.name for piece in self.piece]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise refusal(f"{show(twice)} is stated twice", "state each piece once", below="piece")
+
+    @property
+    def is_drafted(self) -> bool:
+        """Whether it is a pattern of pieces alone, which are laid round the body."""
+        return self.pattern is not None and is_drafted(self.pattern)
+
+    @property
+    def draft_options(self) -> DraftOptions:
+        """What the scene states of a DXF pattern."""
+        return DraftOptions(
+            self.size,
+            1e-3 * (self.seam_allowance_mm or 0.0),
+            tuple(StatedSeam(seam.sew, seam.right_to_wrong) for seam in self.seam),
+            {piece.name: Stated(piece.place, piece.copies) for piece in self.piece},
+        )
 
     @property
     def file(self) -> Path | None:

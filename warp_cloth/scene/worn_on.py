@@ -12,7 +12,7 @@ from warp_cloth.base.toml_file import exists
 from warp_cloth.scene.stage import USD_SUFFIXES, stage_values
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
-PATTERN_SUFFIX = ".json"
+PATTERN_SUFFIXES = (".json", ".dxf")
 MANNEQUIN = "mannequin"  # the shipped body, of an M
 
 
@@ -55,7 +55,7 @@ def worn_on(garment: Path, on: Any, fabric: Any) -> tuple[dict[str, Any], dict[s
 
 def _garment(path: Path) -> Any:
     """A garment's table; of a USD stage that says which of its meshes are cloth, theirs."""
-    if path.suffix.lower() == PATTERN_SUFFIX:
+    if path.suffix.lower() in PATTERN_SUFFIXES:
         return {"pattern": str(path)}
     if path.suffix.lower() not in USD_SUFFIXES:
         return {"mesh": str(path)}

@@ -1,0 +1,230 @@
+"""Pieces as the parts of a garment: how often each is cut, what it is, on which side, and what its edges are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from warp_cloth.base.errors import InputError
+from warp_cloth.pattern.chain import Chain
+from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, named, without_side
+from warp_cloth.pattern.pieces import Piece
+from warp_cloth.pattern.roles import (
+    Roles,
+    Shape,
+    bodice_roles,
+    concave_count,
+    hood_roles,
+    is_strip,
+    leg_roles,
+    skirt_roles,
+    sleeve_roles,
+    strip_roles,
+    upright,
+)
+from warp_cloth.pattern.specification import MOST_PANELS, short
+
+MIRRORED = " mirrored"  # after the name of a second, mirrored copy
+STRIPS = ("collar", "cuff", "waistband", "hem_band")
+SINGLE = ("front", "back", "collar", "waistband", "hem_band", "yoke", "skirt_front", "skirt_back")
+MIRROR = np.diag([-1.0, 1.0])
+UPWARDS = np.array([0.0, 1.0])
+BY_NAME, BY_SHAPE = 0.97, 0.85  # how sure a kind is
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One panel of the garment."""
+
+    name: str
+    edges: tuple[Chain, ...]
+    numbers: tuple[int, ...]  # of the edges, as drawn
+    mirror: tuple[int, ...] | None  # as Piece's
+    notches: Floats
+    lines: tuple[Floats, ...]
+    kind: str  # of kinds.PLACES; empty: unknown
+    side: int  # LEFT, RIGHT; BOTH: on either side of the middle, or not known
+    up: Floats  # which way along the grain is up as worn, shape [2]
+    roles: Roles
+    sure: float  # of the kind
+    twin: int | None = None  # the part that is its mirror image
+
+    @property
+    def shape(self) -> Shape:
+        return Shape(self.edges, self.up)
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a scene states of a piece."""
+
+    place: str | None = None
+    copies: tuple[int, int] | None = None
+
+
+def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> tuple[tuple[Part, ...], list[str]]:
+    """The panels of a garment in one size, and notes on what was decided or left out.
+
+    Raises:
+        InputError: a statement names no piece, or no piece is left.
+    """
+    names = [piece.name for piece in pieces]
+    for name in stated:
+        if name not in names:
+            listed = ", ".join(f'"{short(each)}"' for each in names[:12])
+            raise InputError(f"{file}: piece", f'there is no piece "{short(name)}"', f"the pieces are {listed}")
+    parts: list[Part] = []
+    notes: list[str] = []
+    for piece in _unique(pieces, notes):
+        said = stated.get(piece.name, Stated())
+        part = _part(piece, said, len(parts))
+        place = f'piece "{short(piece.name)}"'
+        if part.kind == "none":
+            why = "as stated" if said.place == "none" else "by its name it is no part of the outer cloth"
+            notes.append(f"{place} is left out: {why}")
+            continue
+        drawn, mirrored = _copies(piece, said, part, place, notes)
+        made = [part] if drawn else []
+        if mirrored:
+            made.append(_mirrored(part, drawn))
+        if len(made) == 2:
+            made = [replace(made[0], twin=len(parts) + 1), replace(made[1], twin=len(parts))]
+        parts += made
+        if len(parts) > MOST_PANELS:
+            raise InputError(file, f"has over {MOST_PANELS:,} panels", "split the file")
+    if not parts:
+        raise InputError(file, "no piece is left to sew", "state a place for each piece that belongs to the garment")
+    return tuple(_twins(parts)), notes
+
+
+def _unique(pieces: Sequence[Piece], notes: list[str]) -> list[Piece]:
+    """The pieces with names that differ."""
+    seen: dict[str, int] = {}
+    out = []
+    for piece in pieces:
+        seen[piece.name] = seen.get(piece.name, 0) + 1
+        if seen[piece.name] > 1:
+            name = f"{piece.name} #{seen[piece.name]}"
+            notes.append(f'another piece is named "{short(piece.name)}": called "{short(name)}"')
+            piece = replace(piece, name=name)
+        out.append(piece)
+    return out
+
+
+def _copies(piece: Piece, said: Stated, part: Part, place: str, notes: list[str]) -> tuple[bool, bool]:
+    """Whether the piece is cut as drawn, and mirrored."""
+    stated = said.copies if said.copies is not None else piece.copies
+    if stated is None:
+        one_sided = named(piece.name).side != BOTH or PLACES.get(said.place or "", ("", BOTH))[1] != BOTH
+        pair = part.kind in PAIRED and not one_sided
+        if pair:
+            notes.append(f"{place} states no quantity: a pair is taken")
+        return True, pair
+    drawn, mirrored = stated
+    if said.copies is None and part.kind in SINGLE and piece.mirror is not None and drawn + mirrored > 1:
+        notes.append(f"{place} is symmetric and cut {drawn + mirrored} times: one is sewn")
+        return True, False
+    if said.copies is None and drawn > 1 and not mirrored:
+        drawn, mirrored = 1, 1
+    if drawn > 1 or mirrored > 1:
+        notes.append(f"{place} is cut {drawn + mirrored} times: one pair is sewn")
+    return drawn > 0, mirrored > 0
+
+
+def _part(piece: Piece, said: Stated, index: int) -> Part:
+    name = named(piece.name)
+    kind, side, sure = name.kind, name.side, BY_NAME
+    if said.place is not None:
+        kind, stated_side = PLACES[said.place]
+        side = stated_side or side
+        sure = 1.0
+    elif kind in ("front", "back"):
+        kind = _worn_on(piece, kind)
+    elif kind in ("leg", "skirt", ""):
+        kind, sure = "", BY_SHAPE
+    turn = upright(piece.edges, kind)[1] * np.eye(2)  # half a turn keeps the warp along y
+    edges = tuple(edge.turned(turn, np.zeros(2)) for edge in piece.edges)
+    lines = tuple(line @ turn for line in piece.lines)
+    part = Part(piece.name, edges, tuple(range(len(edges))), piece.mirror, piece.notches @ turn, lines,
+                kind, side, UPWARDS, {}, sure)  # fmt: skip
+    shape = part.shape
+    roles = _roles(kind, shape, piece.mirror is not None)
+    return replace(part, roles=roles, side=side or _side(kind, shape, roles, piece.mirror is not None))
+
+
+def _worn_on(piece: Piece, face: str) -> str:
+    """A front or back as a bodice's, a leg's or a skirt's, by what is cut out of it."""
+    shape = Shape(piece.edges, upright(piece.edges, face))
+    hollow = concave_count(shape)
+    if piece.mirror is not None:
+        return face if hollow >= 2 else f"skirt_{face}"
+    return face if hollow >= 2 else f"leg_{face}" if hollow == 1 else f"skirt_{face}"
+
+
+def _roles(kind: str, shape: Shape, whole: bool) -> Roles:
+    if len(shape.order) < 3:
+        return {}
+    if kind in ("front", "back"):
+        return bodice_roles(shape, whole)
+    if kind in ("leg_front", "leg_back"):
+        return leg_roles(shape)
+    if kind == "sleeve":
+        return sleeve_roles(shape)
+    if kind == "hood":
+        return hood_roles(shape)
+    if kind in ("skirt_front", "skirt_back"):
+        return skirt_roles(shape)
+    return strip_roles(shape) if kind in STRIPS and is_strip(shape) else {}
+
+
+def _side(kind: str, shape: Shape, roles: Roles, whole: bool) -> int:
+    """The wearer's side of a half piece by where its middle is: a front's +x is the wearer's left, a back's right."""
+    if whole:
+        return BOTH
+    faced = -1 if kind in ("back", "leg_back", "skirt_back") else 1
+    if kind in ("front", "back") and "centre" in roles:
+        return faced * (LEFT if "side+" in roles or "armhole+" in roles or "shoulder+" in roles else RIGHT)
+    if kind in ("leg_front", "leg_back"):
+        return faced * LEFT if "inner-" in roles else faced * RIGHT if "inner+" in roles else BOTH
+    if kind == "hood":  # seen from outside, the face is towards +x on the wearer's right
+        return RIGHT if "face+" in roles else LEFT if "face-" in roles else BOTH
+    return BOTH
+
+
+def _mirrored(part: Part, drawn: bool) -> Part:
+    """The mirror image: its edges in the reversed order, so that it runs counter-clockwise, too."""
+    count = len(part.edges)
+    edges = tuple(edge.turned(MIRROR, np.zeros(2)).reversed for edge in part.edges[::-1])
+    swap = {"+": "-", "-": "+"}
+    roles = {
+        (role[:-1] + swap[role[-1]] if role[-1] in swap else role): tuple(count - 1 - k for k in run[::-1])
+        for role, run in part.roles.items()
+    }
+    mirror = None if part.mirror is None else tuple(count - 1 - part.mirror[count - 1 - k] for k in range(count))
+    return replace(
+        part,
+        name=part.name + MIRRORED if drawn else part.name,
+        edges=edges,
+        numbers=part.numbers[::-1],
+        mirror=mirror,
+        notches=part.notches @ MIRROR,
+        lines=tuple(line @ MIRROR for line in part.lines),
+        side=-part.side,
+        roles=roles,
+    )
+
+
+def _twins(parts: list[Part]) -> list[Part]:
+    """The parts, with those that are drawn as left and right of one pair made twins."""
+    names: dict[tuple[str, str], list[int]] = {}
+    for index, part in enumerate(parts):
+        if part.twin is None and named(part.name).side != BOTH:
+            names.setdefault((without_side(part.name), part.kind), []).append(index)
+    for pair in names.values():
+        if len(pair) == 2 and len(parts[pair[0]].edges) == len(parts[pair[1]].edges):
+            one, other = pair
+            parts[one], parts[other] = replace(parts[one], twin=other), replace(parts[other], twin=one)
+    return parts

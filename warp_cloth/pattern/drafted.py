@@ -1,0 +1,193 @@
+"""A DXF file as a pattern: pieces of one size, seams as stated or proposed, each piece laid round the body."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import zip_longest
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.base.connected import connected_components
+from warp_cloth.base.errors import InputError
+from warp_cloth.pattern.draft import Part, Stated, parts_of
+from warp_cloth.pattern.dxf import read_drawing
+from warp_cloth.pattern.figure import Figure, figure_of
+from warp_cloth.pattern.joints import Joint, StatedSeam, cut, side_text, stated_joints
+from warp_cloth.pattern.pieces import SIZES, Piece, pieces_of
+from warp_cloth.pattern.placing import wraps_of
+from warp_cloth.pattern.proposal import SEWN_FROM, proposed_joints
+from warp_cloth.pattern.specification import Edge, Panel, Pattern, Stitch, short
+
+ADVICE = "draw it with `warp-cloth pattern`, and state the seams that it needs ([[garment.seam]])"
+
+
+@dataclass(frozen=True)
+class DraftOptions:
+    """What a scene states of a pattern that does not state it itself."""
+
+    size: str | None = None
+    seam_allowance: float = 0.0  # [m], of pieces without a sew line
+    seams: tuple[StatedSeam, ...] = ()  # empty: as proposed
+    pieces: Mapping[str, Stated] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """The parts of a garment in one size, and the joints that are sewn and those that are only proposed."""
+
+    file: str
+    size: str
+    sizes: tuple[str, ...]  # of the file; empty where it states none
+    parts: tuple[Part, ...]
+    joints: tuple[Joint, ...]
+    unsewn: tuple[Joint, ...]
+    notes: tuple[str, ...]
+
+
+def read_draft(file: str, data: bytes, options: DraftOptions) -> Draft:
+    """The parts and joints of a DXF file.
+
+    Raises:
+        InputError: ezdxf is not installed, the file cannot be read, or what is stated does not fit it.
+    """
+    pieces, told = pieces_of(file, read_drawing(file, data), options.seam_allowance)
+    size, sizes, chosen = _of_size(file, pieces, options.size)
+    notes = [*told, *(note for piece in chosen for note in piece.notes)]
+    if options.size is None and len(sizes) > 1:
+        notes.append(f"size {size} of {', '.join(sizes)}: state garment.size for another")
+    parts, decided = parts_of(file, chosen, options.pieces)
+    notes += decided
+    unsewn: tuple[Joint, ...] = ()
+    if options.seams:
+        joints = stated_joints(file, parts, options.seams)
+    else:
+        proposed = proposed_joints(parts)
+        joints = tuple(joint for joint in proposed if joint.confidence >= SEWN_FROM)
+        unsewn = tuple(joint for joint in proposed if joint.confidence < SEWN_FROM)
+        notes += _told(parts, joints, unsewn)
+    return Draft(file, size, sizes, parts, joints, unsewn, tuple(notes))
+
+
+def _of_size(file: str, pieces: Sequence[Piece], wanted: str | None) -> tuple[str, tuple[str, ...], list[Piece]]:
+    """The size, all sizes of the file from small to large, and the pieces of that size."""
+    sizes = tuple(sorted({piece.size for piece in pieces if piece.size}, key=_rank))
+    if wanted is None:
+        if len(sizes) < 2:
+            return sizes[0] if sizes else "", sizes, list(pieces)
+        wanted = sizes[len(sizes) // 2]
+    found = next((size for size in sizes if size.lower() == wanted.strip().lower()), None)
+    if found is None:
+        listed = f"its sizes are {', '.join(sizes)}" if sizes else "it states no sizes"
+        raise InputError(file, f'has no size "{short(wanted)}"', f"{listed}")
+    named = {piece.name for piece in pieces if piece.size == found}
+    # a piece that is cut alike in all sizes states none
+    return found, sizes, [p for p in pieces if p.size == found or (not p.size and p.name not in named)]
+
+
+def _rank(size: str) -> tuple[float, str]:
+    """Sizes in order: letters, then numbers."""
+    upper = size.upper()
+    if upper in SIZES:
+        return float(SIZES.index(upper)) - 1000.0, upper
+    digits = "".join(c for c in upper if c.isdigit())
+    return (float(digits[:9]) if digits else 1e12), upper
+
+
+def _told(parts: Sequence[Part], joints: Sequence[Joint], unsewn: Sequence[Joint]) -> list[str]:
+    told = []
+    if joints:
+        low, high = min(j.confidence for j in joints), max(j.confidence for j in joints)
+        told.append(
+            f"no seams are stated: {len(joints)} proposed ones are sewn, of confidence {low:.2f} to {high:.2f} "
+            f"(from {SEWN_FROM:g}); `warp-cloth pattern` lists them"
+        )
+    for joint in unsewn[:8]:
+        one, other = (short(side_text(parts, run)) for run in (joint.one, joint.other))
+        told.append(f"proposed, but not sewn: {one} to {other}, {joint.reason}, confidence {joint.confidence:.2f}")
+    return told
+
+
+def unjoined(draft: Draft) -> tuple[str, ...]:
+    """Names of parts that are sewn to nothing, where there are others."""
+    count = len(draft.parts)
+    if count == 1:
+        return ()
+    alone = np.bincount(_groups(draft), minlength=count)[_groups(draft)] == 1
+    return tuple(part.name for part, lonely in zip(draft.parts, alone, strict=True) if lonely)
+
+
+def _groups(draft: Draft) -> NDArray[np.int64]:
+    """The lowest part that each part is sewn to, however far, shape [P]."""
+    pairs = [(a.panel, b.panel) for joint in draft.joints for a in joint.one for b in joint.other]
+    one, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    return connected_components(len(draft.parts), one, other)
+
+
+def not_joined(draft: Draft) -> tuple[str, str] | None:
+    """Runs of edges of two unconnected groups of parts that a proposal would join, if it were surer."""
+    group = _groups(draft)
+    for joint in draft.unsewn:
+        if group[joint.one[0].panel] != group[joint.other[0].panel]:
+            return side_text(draft.parts, joint.one), side_text(draft.parts, joint.other)
+    return None
+
+
+def drafted_pattern(draft: Draft, figure: Figure | None) -> Pattern:
+    """The pattern of a draft, laid round a figure (None: a usual one), its edges cut where they are sewn.
+
+    Raises:
+        InputError: a part is sewn to nothing.
+    """
+    alone = unjoined(draft)
+    if alone:
+        listed = ", ".join(f'"{short(name)}"' for name in alone[:6])
+        one = len(alone) == 1
+        verb = "is" if one else "are"
+        raise InputError(f"{draft.file}: piece{'' if one else 's'} {listed}", f"{verb} sewn to nothing",
+                         f'{ADVICE}, or state place = "none" to leave a piece out')  # fmt: skip
+    loose = not_joined(draft)
+    if loose is not None:
+        one_side, other_side = map(short, loose)
+        raise InputError(draft.file, f'is in parts: whether "{one_side}" is sewn to "{other_side}" is not sure', ADVICE)
+    figure = figure or figure_of(None)
+    wraps = wraps_of(draft.parts, draft.joints, figure)
+    made = cut(draft.parts, draft.joints)
+    panels = tuple(
+        Panel(
+            part.name,
+            tuple(Edge(number, curve) for number, curve in edges),
+            np.eye(3),
+            np.zeros(3),
+            wrap=wrap,
+            notches=part.notches,
+            lines=part.lines,
+        )
+        for part, edges, wrap in zip(draft.parts, made.edges, wraps, strict=True)
+    )
+    notes = draft.notes
+    if figure.is_nominal:
+        notes = (*notes, "no person is there to lay the pieces round: laid round a figure of 1.70 m")
+    return Pattern(draft.file, panels, made.stitches, notes)
+
+
+def drawn_pattern(draft: Draft) -> Pattern:
+    """The pattern of a draft as it is drawn: whole edges, and a stitch number for each joint that is sewn."""
+    panels = tuple(
+        Panel(
+            part.name,
+            tuple(Edge(number, curve) for number, curve in zip(part.numbers, part.edges, strict=True)),
+            np.eye(3),
+            np.zeros(3),
+            notches=part.notches,
+            lines=part.lines,
+        )
+        for part in draft.parts
+    )
+    stitches = tuple(
+        Stitch(number, (one or joint.one[-1], other or joint.other[-1]), False)
+        for number, joint in enumerate(draft.joints)
+        for one, other in zip_longest(joint.one, joint.other)
+    )
+    return Pattern(draft.file, panels, stitches, draft.notes)

@@ -1,0 +1,70 @@
+"""Where a panel starts that is laid round a part of the body: rolled about a line, level by level."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_cloth.pattern.curve import Floats
+
+FLAT = 1e-6  # [1/m]
+
+
+@dataclass(frozen=True, eq=False)
+class Wrap:
+    """A panel as levels along ``along``, each rolled into an arc of its own curvature.
+
+    A point x beside the level's centre, at angle a = curvature x, starts at ``origin + across sin(a) / curvature -
+    outward (1 - cos(a)) / curvature``. Between levels, and beyond the last ones, these go on linearly.
+    """
+
+    along: Floats  # unit vector of the panel, up the levels, shape [2]
+    levels: Floats  # [m] along it, rising, shape [L], L >= 2
+    centre: Floats  # [m] across it, shape [L]
+    curvature: Floats  # [1/m], shape [L]
+    origin: Floats  # [m], shape [L, 3]
+    across: Floats  # directions, shape [L, 3]; longer than 1 where the cloth starts stretched
+    outward: Floats
+
+    def placed(self, points: Floats) -> Floats:
+        """Points of the panel [m], shape [N, 2], where they start, shape [N, 3]."""
+        y = points @ self.along
+        x = points @ np.array([self.along[1], -self.along[0]])
+        span = np.clip(np.searchsorted(self.levels, y) - 1, 0, len(self.levels) - 2)
+        step = self.levels[span + 1] - self.levels[span]
+        beyond = (y - self.levels[span]) / step
+        within = np.clip(beyond, 0.0, 1.0)
+
+        def between(values: Floats, share: Floats) -> Floats:
+            share = share if values.ndim == 1 else share[:, None]
+            return np.asarray(values[span] + share * (values[span + 1] - values[span]))
+
+        bend = between(self.curvature, within)
+        bend = np.where(np.abs(bend) < FLAT, FLAT, bend)
+        aside = x - between(self.centre, within)
+        angle = np.clip(bend * aside, -np.pi, np.pi)
+        rest = aside - angle / bend  # what is longer than a whole turn goes on straight
+        side = np.sin(angle) / bend + rest
+        back = (1.0 - np.cos(angle)) / bend
+        return np.asarray(
+            between(self.origin, beyond)
+            + side[:, None] * between(self.across, within)
+            - back[:, None] * between(self.outward, within)
+        )
+
+
+def flat_wrap(along: Floats, place: Floats, origin: Floats, across: Floats, upward: Floats) -> Wrap:
+    """A flat panel: its point ``place``, shape [2], at ``origin``; ``along`` of the panel runs ``upward``."""
+    centre = float(place @ np.array([along[1], -along[0]]))
+    level = float(place @ along)
+    outward = np.cross(across, upward)
+    return Wrap(
+        along,
+        np.array([level, level + 1.0]),
+        np.array([centre, centre]),
+        np.zeros(2),
+        np.stack([origin, origin + upward]),
+        np.stack([across, across]),
+        np.stack([outward, outward]),
+    )
