@@ -170,17 +170,17 @@ def test_the_attempt_with_contact_goes_on_from_few_crossings_too() -> None:
 
 def test_what_is_torn_where_it_is_placed_is_tried_by_the_multilevel_method() -> None:
     sewn = first("tshirt", *SMALL_SHIRT, "solver.start=placed")
-    torn = Ended(sewn, REST, 0, VERTICES, torn=True)
+    torn = Ended(sewn, REST, 0, VERTICES, torn=5)
     levels = following(torn)
     assert decisions(levels) == ("multilevel", False, None)
     assert levels is not None
-    assert following(torn, Ended(levels, REST, 9, VERTICES, torn=True)) is None
+    assert following(torn, Ended(levels, REST, 9, VERTICES, torn=5)) is None
     assert decisions(following(torn, Ended(levels, REST, 9, VERTICES))) == ("accelerated", True, 1)
 
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"torn": True}, {"misplaced": True}, {"cut_short": CutShort.CROSSING}],
+    [{"torn": 5}, {"misplaced": True}, {"cut_short": CutShort.CROSSING}],
     ids=lambda wrong: next(iter(wrong)),
 )
 def test_what_is_wrong_round_a_limb_is_sewn_round_the_body_posed_within_it(wrong: dict[str, Any]) -> None:
@@ -198,8 +198,8 @@ def test_what_is_wrong_round_a_limb_is_sewn_round_the_body_posed_within_it(wrong
 
 def test_a_posed_attempt_that_none_can_follow_goes_on_longer() -> None:
     sewn, levels = skirt()
-    failed = Ended(sewn, LIMIT, 0, VERTICES), Ended(levels, REST, 0, VERTICES, torn=True)
-    first_posed, last_posed = following(replace(failed[0], torn=True)), following(*failed)
+    failed = Ended(sewn, LIMIT, 0, VERTICES), Ended(levels, REST, 0, VERTICES, torn=5)
+    first_posed, last_posed = following(replace(failed[0], torn=5)), following(*failed)
     assert first_posed is not None
     assert last_posed is not None
     assert (first_posed.posed, last_posed.posed) == (True, True)
@@ -207,7 +207,7 @@ def test_a_posed_attempt_that_none_can_follow_goes_on_longer() -> None:
 
 
 def test_cloth_without_openings_for_limbs_is_never_posed() -> None:
-    sheet = following(Ended(first("sphere", *DRAPED), REST, 0, VERTICES, torn=True))
+    sheet = following(Ended(first("sphere", *DRAPED), REST, 0, VERTICES, torn=5))
     assert sheet is None or not sheet.posed
 
 

@@ -22,7 +22,8 @@ SIDEWAYS = 0.3  # least sideways part of the direction in which an arm leaves it
 STRAIGHT = 0.5  # least cosine between down and the end of a way, at which a leg goes on along it
 SPACING = 0.02  # [m] between points of a curve
 SMOOTHING = 6  # times that a way over cells is smoothed
-ARMHOLE = 0.15  # [m] from the shoulder, within which an arm's opening has no sleeve
+ARMHOLE = 0.15  # [m] from the shoulder, within which the opening of an arm without a sleeve begins
+SLEEVE = 0.03  # [m] out from the shoulder, from where on an opening has a sleeve
 TAIL = 0.1  # [m] of a way's end that tells where it points
 
 
@@ -51,17 +52,17 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
             continue
         ends = [space.clearest(points[opening.loop].mean(axis=0), ACROSS) for _, opening in own]
         ways = space.paths(space.clearest(middle, INSIDE), ends)
-        for (limb, _), way in zip(own, ways, strict=True):
+        for (limb, opening), way in zip(own, ways, strict=True):
             if way is not None:
-                routes[limb] = _through(way, limb, skeleton, space)
+                routes[limb] = _through(way, limb, points[opening.loop], skeleton, space)
     for arm in ARMS:
         if routes[arm] is None:
             routes[arm] = _raised(arm, skeleton, space)
     return routes
 
 
-def _through(way: Points, limb: int, skeleton: Skeleton, space: FreeSpace) -> Route:
-    """The way to an opening, and straight on."""
+def _through(way: Points, limb: int, loop: Points, skeleton: Skeleton, space: FreeSpace) -> Route:
+    """The way to an opening, and straight on; ``loop``: its vertices [m]."""
     way = smoothed(way, SMOOTHING)
     if limb in ARMS:  # their ways begin where they leave the spine
         way = np.vstack([skeleton.curves[limb][: skeleton.joints[limb]], way])
@@ -71,12 +72,19 @@ def _through(way: Points, limb: int, skeleton: Skeleton, space: FreeSpace) -> Ro
     remains = max(float(arc_lengths(skeleton.curves[limb])[-1] - lengths[-1]), OUT)
     turned, armhole = 0.0, None
     if limb in ARMS:
-        joint = skeleton.curves[limb][skeleton.joints[limb]]
-        armhole = float(lengths[-1]) if float(np.linalg.norm(way[-1] - joint)) < ARMHOLE else None
+        armhole = float(lengths[-1]) if _is_armhole(loop, limb, skeleton) else None
         direction, turned = _turned_up(way[-1], direction, remains, limb, skeleton, space)
     elif direction @ -skeleton.up < STRAIGHT:
         direction = -skeleton.up
     return Route(smoothed(_onward(way, direction, remains), SMOOTHING), turned, armhole)
+
+
+def _is_armhole(loop: Points, arm: int, skeleton: Skeleton) -> bool:
+    """Whether an arm's opening, with its vertices at ``loop`` [m], is one without a sleeve: at the shoulder, not out."""
+    joint = skeleton.curves[arm][skeleton.joints[arm]]
+    outward = skeleton.left if arm == LEFT_ARM else -skeleton.left
+    is_near = float(np.linalg.norm(loop - joint, axis=1).min()) < ARMHOLE
+    return is_near and float((loop.mean(axis=0) - joint) @ outward) < SLEEVE
 
 
 def _raised(arm: int, skeleton: Skeleton, space: FreeSpace) -> Route | None:

@@ -37,7 +37,7 @@ class Run:
     item: int
     outcome: Outcome
     crossings: GarmentCrossings
-    torn: bool
+    torn: int  # edges stretched as no worn cloth is
     placement: LimbPlacement
     overlap: Overlap | None = None  # with the avatar; None: there is none
     levels: tuple[LevelRun, ...] = ()
@@ -59,6 +59,7 @@ class Run:
             or any(self.placement.misplaced)
             or (self.overlap is not None and len(self.overlap.edges) > 0),
             sunk=self.placement.sunk,
+            slipped=self.placement.slipped,
             shown=self.overlap is not None and float(self.overlap.face_depths.max(initial=0.0)) > 1e-3 * VISIBLE,
             cut_short=outcome.cut_short,
         )
@@ -126,7 +127,7 @@ def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequenc
             item,
             outcome,
             crossings[item],
-            bool((strains[item] > TORN).any()),
+            int((strains[item] > TORN).sum()),
             placements[item],
             overlaps[item],
             levels[item],

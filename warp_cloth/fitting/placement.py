@@ -16,12 +16,14 @@ class LimbPlacement:
     misplaced: tuple[tuple[Misplaced, ...], ...] = ()  # openings of each garment that the wrong limbs pass through
     pierced: bool = False  # whether cloth runs through the middle of a limb
     sunk: bool = False  # whether a garment has slid down from the waist
+    slipped: bool = False  # whether a garment has slipped off a shoulder
 
     @classmethod
     def of(cls, outfit: Outfit, points: Points) -> LimbPlacement:
         """With the garments at these points [m], all finite, shape [V, 3]; garments without openings have none."""
         misplaced: list[tuple[Misplaced, ...]] = []
-        pierced, sunk, first = False, False, 0
+        pierced, sunk, slipped, first = False, False, False, 0
+        body = outfit.starting_avatar
         for garment, wearing in zip(outfit.garments, outfit.wearing, strict=True):
             own = points[first : first + len(garment.points)]
             first += len(garment.points)
@@ -31,4 +33,5 @@ class LimbPlacement:
             misplaced.append(tuple(wearing.misplaced(own)))
             pierced = pierced or bool(wearing.pierced(own))
             sunk = sunk or wearing.sunk(own)
-        return cls(tuple(misplaced), pierced, sunk)
+            slipped = slipped or (body is not None and bool(wearing.off_shoulders(own, body.points)))
+        return cls(tuple(misplaced), pierced, sunk, slipped)

@@ -84,9 +84,10 @@ class Ended:
     status: Status
     crossings: int  # pairs of triangles that pass through each other
     vertices: int  # of all garments
-    torn: bool = False  # whether an edge is stretched as no worn cloth is
+    torn: int = 0  # edges that are stretched as no worn cloth is
     misplaced: bool = False  # whether a limb is outside its opening, or cloth runs through one
     sunk: bool = False  # whether a garment has slid down from the waist
+    slipped: bool = False  # whether a garment has slipped off a shoulder
     shown: bool = False  # whether the avatar shows through faces whose corners are outside
     cut_short: CutShort | None = None
 
@@ -102,11 +103,11 @@ class Ended:
         return self.status is Status.AT_REST and self.apart and not self.torn and not self.misplaced
 
     @property
-    def rank(self) -> tuple[bool, bool, bool, bool, bool, bool, bool, bool, int]:
+    def rank(self) -> tuple[bool, bool, bool, bool, bool, bool, bool, int, int]:
         """Larger is better."""
-        finite, rests, whole = self.status is not Status.DIVERGED, self.status is Status.AT_REST, not self.torn
-        placed, held, covers = not self.misplaced, not self.sunk, not self.shown
-        return finite, self.well, placed, held, covers, self.apart and rests, self.apart, whole, -self.crossings
+        finite, rests = self.status is not Status.DIVERGED, self.status is Status.AT_REST
+        placed, held, covers = not self.misplaced, not (self.sunk or self.slipped), not self.shown
+        return finite, self.well, placed, held, covers, self.apart and rests, self.apart, -self.torn, -self.crossings
 
 
 def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Attempt:
@@ -128,14 +129,14 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     """What a scene is fitted with after these attempts; None: all is well, or there is nothing else to try.
 
     Cloth that crosses is relaxed again with contact. Cloth that is torn or tangled round a limb is sewn again, round
-    the avatar as it is posed within the garment, and so is a skirt that slid down. Where the avatar shows through
-    faces, it is padded under them. Cloth that does not come to rest is relaxed by the multilevel method without
-    contact, which sews and lets fall as a whole; where that leaves few crossings they are then undone, and where it
-    leaves many the attempt with contact goes on.
+    the avatar as it is posed within the garment, and so is what slid down or slipped off the shoulders. Where the
+    avatar shows through faces, it is padded under them. Cloth that does not come to rest is relaxed by the multilevel
+    method without contact, which sews and lets fall as a whole; where that leaves few crossings they are then undone,
+    and where it leaves many the attempt with contact goes on.
     """
     ended = history[-1]
     attempt, stated = ended.attempt, ended.attempt.stated
-    may_end = ended.well and not (ended.sunk or ended.shown)
+    may_end = ended.well and not (ended.sunk or ended.slipped or ended.shown)
     if may_end or ended.status is Status.DIVERGED or stated.solver.start == "dressed":
         return None
     if stated.solver.iterations is not None and ended.status is not Status.AT_REST and ended.cut_short is None:
@@ -146,6 +147,8 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
         return _posed(stated, outfit, "cloth was torn or tangled round a limb", last=not levels_next)
     if posed_next and ended.sunk:
         return _posed(stated, outfit, "it slid down from the waist", last=not levels_next)
+    if posed_next and ended.slipped:
+        return _posed(stated, outfit, "it slipped off the shoulders", last=not levels_next)
     if ended.well:
         may_pad = "offset_mm" not in stated.collision.model_fields_set and attempt.paddings < MOST_PADDINGS
         return _padded(ended, len(history) - 1) if ended.shown and may_pad else None
