@@ -80,7 +80,7 @@ def _through(way: Points, limb: int, loop: Points, skeleton: Skeleton, space: Fr
 
 
 def _is_armhole(loop: Points, arm: int, skeleton: Skeleton) -> bool:
-    """Whether an arm's opening, with its vertices at ``loop`` [m], is one without a sleeve: at the shoulder, not out."""
+    """Whether an arm's opening, its vertices at ``loop`` [m], has no sleeve: at the shoulder, not farther out."""
     joint = skeleton.curves[arm][skeleton.joints[arm]]
     outward = skeleton.left if arm == LEFT_ARM else -skeleton.left
     is_near = float(np.linalg.norm(loop - joint, axis=1).min()) < ARMHOLE

@@ -21,9 +21,9 @@ from warp_cloth.avatar.layers import build_layered_buffers
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Indices, Points
-from warp_cloth.dressing.clearing import skirt_closed
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
+from warp_cloth.dressing.skirts import skirt_closed
 from warp_cloth.fitting.problem import Problem, build_problem
 from warp_cloth.garment.outfit import Outfit, garments_in
 from warp_cloth.kernels.avatar.field import ContactField, field_contact
