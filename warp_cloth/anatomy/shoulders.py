@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_cloth.anatomy.openings import ARMS, Limbs
-from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, Skeleton
+from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, Skeleton, outward_of
 from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.base.section import section_at
 
@@ -65,7 +65,7 @@ class _Side:
     def __init__(self, skeleton: Skeleton, arm: int) -> None:
         self._middle = skeleton.middle
         root = skeleton.curves[arm][skeleton.joints[arm]] - self._middle
-        out = skeleton.left * (1.0 if arm == LEFT_ARM else -1.0)
+        out = outward_of(skeleton, arm)
         width = max(float(root @ out), 1e-6)
         self._axes = np.stack([out, skeleton.up, skeleton.forward], axis=1) / width
         self._root = root @ self._axes * (0.0, 1.0, 1.0)

@@ -13,11 +13,15 @@ def arc_lengths(curve: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def resampled(curve: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """``count`` points at equal distances along a curve, shape [N, D], from its first to its last; shape [count, D]."""
-    along = arc_lengths(curve)
-    at = np.linspace(0.0, along[-1], count)
-    points = np.stack([np.interp(at, along, column) for column in curve.T], axis=1)
+    points = points_along(curve, np.linspace(0.0, arc_lengths(curve)[-1], count))
     points[0], points[-1] = curve[0], curve[-1]
     return points
+
+
+def points_along(curve: NDArray[np.float64], distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The points of a curve, shape [N, D], at ``distances`` along it, shape [M]; shape [M, D]."""
+    lengths = arc_lengths(curve)
+    return np.stack([np.interp(distances, lengths, column) for column in curve.T], axis=1)
 
 
 def curve_point(curve: NDArray[np.float64], at: float) -> NDArray[np.float64]:

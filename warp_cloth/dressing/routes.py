@@ -9,8 +9,8 @@ import numpy as np
 
 from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import ARMS, LEGS
-from warp_cloth.anatomy.skeleton import LEFT_ARM, LIMBS, Skeleton
-from warp_cloth.base.curves import arc_lengths, resampled
+from warp_cloth.anatomy.skeleton import LIMBS, Skeleton, outward_of
+from warp_cloth.base.curves import arc_lengths, points_along, resampled
 from warp_cloth.base.mesh import Points
 from warp_cloth.dressing.free_space import FreeSpace
 
@@ -82,9 +82,8 @@ def _through(way: Points, limb: int, loop: Points, skeleton: Skeleton, space: Fr
 def _is_armhole(loop: Points, arm: int, skeleton: Skeleton) -> bool:
     """Whether an arm's opening, its vertices at ``loop`` [m], has no sleeve: at the shoulder, not farther out."""
     joint = skeleton.curves[arm][skeleton.joints[arm]]
-    outward = skeleton.left if arm == LEFT_ARM else -skeleton.left
     is_near = float(np.linalg.norm(loop - joint, axis=1).min()) < ARMHOLE
-    return is_near and float((loop.mean(axis=0) - joint) @ outward) < SLEEVE
+    return is_near and float((loop.mean(axis=0) - joint) @ outward_of(skeleton, arm)) < SLEEVE
 
 
 def _raised(arm: int, skeleton: Skeleton, space: FreeSpace) -> Route | None:
@@ -110,7 +109,7 @@ def _turned_up(
     The arm stays in the body's own plane, and as little as can be between layers of cloth that would fall on it; where
     no angle keeps it CLEAR, the clearest is taken.
     """
-    outward = skeleton.left if arm == LEFT_ARM else -skeleton.left
+    outward = outward_of(skeleton, arm)
     flat = direction - skeleton.forward * (direction @ skeleton.forward)
     flat = flat / max(float(np.linalg.norm(flat)), 1e-9)
     flat = flat + outward * max(SIDEWAYS - float(flat @ outward), 0.0)
@@ -146,8 +145,8 @@ def curves_of(routes: Sequence[Route | None], skeleton: Skeleton, count: int) ->
         if route is None or route.armhole is None:
             curves.append(resampled(home if route is None else route.curve, count))
             continue
-        lengths, at_home = arc_lengths(route.curve), arc_lengths(home)
+        at_home, length = arc_lengths(home), float(arc_lengths(route.curve)[-1])
         to_shoulder = float(at_home[joint] / at_home[-1])
-        along = np.interp(np.linspace(0.0, 1.0, count), [0.0, to_shoulder, 1.0], [0.0, route.armhole, lengths[-1]])
-        curves.append(np.stack([np.interp(along, lengths, route.curve[:, axis]) for axis in range(3)], axis=1))
+        along = np.interp(np.linspace(0.0, 1.0, count), [0.0, to_shoulder, 1.0], [0.0, route.armhole, length])
+        curves.append(points_along(route.curve, along))
     return curves

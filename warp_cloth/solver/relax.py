@@ -214,11 +214,6 @@ class Relaxation:
         self._graphs: dict[tuple[int, int, bool], Any] = {}
         self._shares_graphs: dict[tuple[int, int], list[Any]] = {}  # of each share, where threads share iterations
 
-    def set_avatar_friction(self, friction: float) -> None:
-        """Gives the avatars of all items this Coulomb coefficient."""
-        self._items["avatar_friction"] = friction
-        self.upload_items()
-
     def upload_items(self) -> None:
         """Puts what the items have of their own on the device."""
         self.model.vertices.items.assign(self._items)
