@@ -114,7 +114,7 @@ def _meshed(pattern: Pattern, sewn: SewnOutlines, edge: float) -> Flat:
     outlines = [outline.points[::way] for outline, way in zip(sewn.outlines, ways, strict=True)]
     spacing = [outline.spacing[::way] for outline, way in zip(sewn.outlines, ways, strict=True)]
     try:
-        flat = meshed(outlines, spacing, edge)
+        flat = meshed(outlines, spacing, edge, sewn.holes)
     except OutlineError as error:
         _refuse_outline(pattern, sewn.outlines, ways, error.places)
     order = np.arange(len(flat.points))

@@ -52,6 +52,7 @@ class Panel:
     wrap: Wrap | None = None  # instead of both, where it is laid round the body
     notches: Floats | None = None  # [m], shape [N, 2]; drawn only
     lines: tuple[Floats, ...] = ()  # inner lines [m], shape [n, 2] each; drawn only
+    holes: tuple[tuple[Curve, ...], ...] = ()  # cut out of it: closed loops of edges, counter-clockwise
 
     def placed(self, points: Floats) -> Floats:
         """Points of the panel [m], shape [N, 2], where they start, shape [N, 3]."""
@@ -62,7 +63,8 @@ class Panel:
     @property
     def area(self) -> float:
         """Area in closed form [m^2], negative where the loop runs clockwise."""
-        return sum(edge.curve.area for edge in self.edges)
+        around = sum(edge.curve.area for edge in self.edges)
+        return around - math.copysign(sum(curve.area for hole in self.holes for curve in hole), around)
 
 
 @dataclass(frozen=True)

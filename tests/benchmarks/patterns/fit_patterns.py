@@ -34,7 +34,19 @@ def fitted(kind: str, file: Path, body: Path, out: Path, device: str) -> dict[st
         scene = out.with_suffix(".toml")
         garment = f'[garment]\n{kind} = "{file.resolve()}"\nfabric = "cotton"\n'
         scene.write_text(f'{garment}[avatar]\nmesh = "{body.resolve()}"\n')
-        words = [sys.executable, "-m", "warp_cloth", "fit", str(scene), "--out", str(out), "--device", device, "--maps", "gap"]
+        words = [
+            sys.executable,
+            "-m",
+            "warp_cloth",
+            "fit",
+            str(scene),
+            "--out",
+            str(out),
+            "--device",
+            device,
+            "--maps",
+            "gap",
+        ]
         done = subprocess.run(words, check=False, capture_output=True, text=True)
         if not (out / "report.json").exists():
             raise SystemExit(done.stderr[-500:])
