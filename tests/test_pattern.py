@@ -19,9 +19,9 @@ from warp_cloth.batch.jobs import read_jobs
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.pattern.assembly import load_pattern, sewn_mesh
 from warp_cloth.pattern.curve import Curve, arc, from_edge_frame
+from warp_cloth.pattern.garmentcode import read_specification
 from warp_cloth.pattern.mesher import angles_of
 from warp_cloth.pattern.sewing import seams_of
-from warp_cloth.pattern.specification import read_specification
 from warp_cloth.scene import load_scene
 
 EDGE = 0.015  # [m]

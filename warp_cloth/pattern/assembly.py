@@ -17,10 +17,11 @@ from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.delaunay import Ints, OutlineError
 from warp_cloth.pattern.drafted import Draft, DraftOptions, drafted_pattern, read_draft
 from warp_cloth.pattern.figure import Figure
+from warp_cloth.pattern.garmentcode import read_specification
 from warp_cloth.pattern.mesher import Flat, meshed
 from warp_cloth.pattern.outline import Outline, SewnOutlines, sewn_outlines
 from warp_cloth.pattern.sewing import Seam, seams_of
-from warp_cloth.pattern.specification import Pattern, read_specification, short
+from warp_cloth.pattern.specification import Pattern, short
 
 DRAFTED = ".dxf"
 MOST_VERTICES = 2_000_000

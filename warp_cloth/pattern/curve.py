@@ -43,6 +43,11 @@ class Curve:
         return len(self.points) == 2 and self.turn == 0.0
 
     @property
+    def reversed(self) -> Curve:
+        """The same curve from its end to its start."""
+        return Curve(self.points[::-1], -self.turn)
+
+    @property
     def chord(self) -> float:
         """Distance of the ends [m]."""
         return float(np.hypot(*(self.end - self.start)))
