@@ -30,7 +30,7 @@ def labels_of(panel: Mapping[str, Any]) -> dict[str, list[int]]:
 
 
 class StitchReader:
-    """Reads stitches of panels whose edges are known; ``places``: of each edge of the file, None where it was dropped."""
+    """Reads stitches of panels that are read; ``places``: of each edge of the file, None where it was dropped."""
 
     def __init__(
         self,
