@@ -155,6 +155,13 @@ def from_edge_frame(start: Floats, end: Floats, relative: Floats) -> Floats:
     return start + relative[:, :1] * along + relative[:, 1:] * left
 
 
+def to_edge_frame(start: Floats, end: Floats, points: Floats) -> Floats:
+    """The inverse of ``from_edge_frame``."""
+    along = end - start
+    left = np.array([-along[1], along[0]])
+    return np.asarray((points - start) @ np.column_stack([along, left]) / (along @ along))
+
+
 def _cross(a: Floats, b: Floats) -> float:
     return float(a[0] * b[1] - a[1] * b[0])
 
