@@ -19,9 +19,9 @@ from warp_cloth.batch.jobs import read_jobs
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.pattern.assembly import load_pattern, sewn_mesh
 from warp_cloth.pattern.curve import Curve, arc, from_edge_frame
+from warp_cloth.pattern.garmentcode import read_specification
 from warp_cloth.pattern.mesher import angles_of
 from warp_cloth.pattern.sewing import seams_of
-from warp_cloth.pattern.specification import read_specification
 from warp_cloth.scene import load_scene
 
 EDGE = 0.015  # [m]
@@ -58,10 +58,11 @@ def sewn(panels: dict[str, Any], stitches: list[Any], edge: float = EDGE) -> Mes
 def topology(mesh: Mesh) -> tuple[int, int]:
     """Loops of the boundary, and V - E + F; every edge has one or two triangles, which run along it either way."""
     sides = [(int(t[i]), int(t[(i + 1) % 3])) for t in mesh.triangles for i in range(3)]
-    assert len(set(sides)) == len(sides)
+    either = set(sides)
+    assert len(either) == len(sides)
     edges = Counter(tuple(sorted(side)) for side in sides)
     assert max(edges.values()) <= 2
-    follow = {b: a for a, b in sides if (b, a) not in set(sides)}
+    follow = {b: a for a, b in sides if (b, a) not in either}
     loops = 0
     while follow:
         loops += 1

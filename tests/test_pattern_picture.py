@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from warp_cloth.cli.main import app
 from warp_cloth.export.pattern_picture import pattern_svg
-from warp_cloth.pattern.specification import read_specification
+from warp_cloth.pattern.garmentcode import read_specification
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -38,13 +38,16 @@ def scenes() -> None:
 def pattern(
     file: Annotated[Path, typer.Argument(help="Sewing pattern: a GarmentCode *_specification.json, or a .dxf.")],
     out: Annotated[
-        Path, typer.Option(help="Output folder, for NAME_pattern.svg and .png; NAME_seams.toml of a .dxf.")
+        Path,
+        typer.Option(
+            help="Output folder, for NAME_pattern.svg and .png, NAME_meshed_specification.json, NAME_seams.toml."
+        ),
     ] = Path("out"),
     edge_mm: Annotated[
         float | None, typer.Option(help="Edge length of the mesh [mm].", min=2.0, max=60.0, show_default="15")
     ] = None,
     size: Annotated[
-        str | None, typer.Option(help="Size of a .dxf with several.", show_default="the middle one")
+        str | None, typer.Option(help="Size of a .dxf with several.", show_default="the sample's, or the middle one")
     ] = None,
     seam_allowance_mm: Annotated[
         float, typer.Option(help="Seam allowance of pieces of a .dxf that have no sew line [mm].", min=0.0, max=100.0)
@@ -52,7 +55,8 @@ def pattern(
 ) -> None:
     """Draw a pattern: its panels in millimetres, with numbered edges and the stitches that sew them.
 
-    Of a .dxf, which has no seams, NAME_seams.toml proposes them, each with a confidence: a scene to go on from.
+    The specification is written with our mesh of it, for other tools. Of a .dxf, which has no seams, NAME_seams.toml
+    proposes them, each with a confidence: a scene to go on from.
 
     \b
     warp-cloth pattern dress_specification.json --out drawn
@@ -87,36 +91,40 @@ class _DrawnPattern(NamedTuple):
 
 
 def _draw_panels(file: Path, name: str, out: Path, edge: float) -> _DrawnPattern:
+    from warp_cloth.export.pattern_json import save_meshed_specification
     from warp_cloth.export.pattern_picture import save_pattern_pictures
-    from warp_cloth.pattern import read_pattern, sewn_mesh
+    from warp_cloth.pattern import read_pattern, sewn_pattern
 
     read = read_pattern(file)
-    mesh = sewn_mesh(read, name, edge=edge)
-    paths = save_pattern_pictures(read, name, out)
-    return _DrawnPattern(len(read.panels), len(read.stitches), mesh.vertex_count, mesh.notes, paths)
+    sewn = sewn_pattern(read, name, edge=edge)
+    paths = [*save_pattern_pictures(read, name, out), save_meshed_specification(sewn, name, out)]
+    return _DrawnPattern(len(read.panels), len(read.stitches), sewn.mesh.vertex_count, sewn.mesh.notes, paths)
 
 
 def _draw_pieces(file: Path, name: str, out: Path, edge: float, *, size: str | None, allowance: float) -> _DrawnPattern:
     from warp_cloth.export.files import whole_file
+    from warp_cloth.export.pattern_json import save_meshed_specification
     from warp_cloth.export.pattern_picture import save_pattern_pictures
-    from warp_cloth.pattern import DraftOptions, read_drafted, sewn_mesh
+    from warp_cloth.pattern import DraftOptions, read_drafted, sewn_pattern
     from warp_cloth.pattern.drafted import drafted_pattern, drawn_pattern, not_joined, unjoined
     from warp_cloth.pattern.seam_table import seam_table
 
     draft = read_drafted(file, DraftOptions(size, allowance))
     alone = unjoined(draft)
-    notes, vertices = [*draft.notes], 0
+    notes, sewn = [*draft.notes], None
     loose = not_joined(draft)
     if alone:
         notes.append(f'sewn to nothing so far: {", ".join(alone)}; state their seams, or place = "none"')
     elif loose is not None:
         notes.append(f"in parts so far: whether {loose[0]} is sewn to {loose[1]} is not sure; state the seams")
     else:
-        vertices = sewn_mesh(drafted_pattern(draft, None), name, edge=edge).vertex_count
+        sewn = sewn_pattern(drafted_pattern(draft, None), name, edge=edge)
     paths = save_pattern_pictures(drawn_pattern(draft), name, out)
     paths.append(out / f"{name}_seams.toml")
     with whole_file(paths[-1]) as place:
         place.write_text(seam_table(draft, file, out, allowance), encoding="utf-8")
+    paths += [] if sewn is None else [save_meshed_specification(sewn, name, out)]
+    vertices = 0 if sewn is None else sewn.mesh.vertex_count
     return _DrawnPattern(len(draft.parts), len(draft.joints), vertices, notes, paths)
 
 

@@ -68,11 +68,11 @@ class MapPictures:
         ground = tuple(round(255 * channel) for channel in BACKGROUND)
         image = Image.new("RGB", self._size, ground)
         image.paste(views, (0, 0))
-        _draw_legend(image, kind, bounds, self._legend_width)
+        draw_legend(image, kind, bounds, self._legend_width)
         save_picture(image, path)
 
 
-def _draw_legend(image: Image.Image, kind: MapKind, bounds: tuple[float, float], width: int) -> None:
+def draw_legend(image: Image.Image, kind: MapKind, bounds: tuple[float, float], width: int) -> None:
     """A bar of the map's colours with values next to it, at the right of the picture."""
     draw = ImageDraw.Draw(image)
     text = text_height(image.size)

@@ -28,7 +28,7 @@ SEAMS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#e37
 
 
 @dataclass(frozen=True, eq=False)
-class _Sheet:
+class Sheet:
     """Where each panel lies on the sheet: a point (x, y) of it [m] at ``1000 (x, -y) + shift`` [mm]."""
 
     shifts: tuple[Floats, ...]
@@ -57,7 +57,7 @@ def pattern_svg(pattern: Pattern) -> str:
 
     Edges carry their numbers. Those that are sewn have the colour of their stitch, and its number after a colon.
     """
-    sheet = _laid_out(pattern.panels)
+    sheet = laid_out([_box(panel) for panel in pattern.panels])
     width, height = sheet.size
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.2f}mm" height="{height:.2f}mm" '
@@ -74,6 +74,8 @@ def pattern_svg(pattern: Pattern) -> str:
         lines.append(f'<path stroke="#888888" d="M {x0:.2f} {y0:.2f} L {x1:.2f} {y1:.2f}"/>')
         lines.append(f'<polyline stroke="#888888" points="{arrow}"/>')
         lines += [f'<path stroke="#888888" d="{_path(sheet, index, Chain(line))}"/>' for line in panel.lines]
+        cut_out = [curve for hole in panel.holes for curve in hole]
+        lines += [f'<path stroke="{PLAIN}" d="{_path(sheet, index, curve)}"/>' for curve in cut_out]
         lines += [
             f'<path stroke="{PLAIN}" stroke-width="1.2" d="M {x0:.2f} {y0:.2f} L {x1:.2f} {y1:.2f}"/>'
             for (x0, y0), (x1, y1) in _notches(sheet, index, panel)
@@ -87,7 +89,7 @@ def pattern_svg(pattern: Pattern) -> str:
 def _save_png(pattern: Pattern, path: Path) -> None:
     from PIL import Image, ImageDraw, ImageFont
 
-    sheet = _laid_out(pattern.panels)
+    sheet = laid_out([_box(panel) for panel in pattern.panels])
     scale = min(1.0, MOST_PIXELS / max(sheet.size))
     picture = Image.new("RGB", (max(1, round(scale * sheet.size[0])), max(1, round(scale * sheet.size[1]))), "white")
     pen = ImageDraw.Draw(picture)
@@ -96,6 +98,9 @@ def _save_png(pattern: Pattern, path: Path) -> None:
         for place, edge in enumerate(panel.edges):
             points = scale * sheet.placed(index, edge.curve.at(np.linspace(0.0, 1.0, 65)))
             pen.line([(x, y) for x, y in points.tolist()], fill=_colour(sewn.get(Side(index, place))), width=2)
+        for curve in (curve for hole in panel.holes for curve in hole):
+            points = scale * sheet.placed(index, curve.at(np.linspace(0.0, 1.0, 65)))
+            pen.line([(x, y) for x, y in points.tolist()], fill=PLAIN, width=2)
         start, end, *heads = _grain(sheet, index, panel)
         for line in ((start, end), heads):
             pen.line([(scale * x, scale * y) for x, y in line], fill="#888888", width=1)
@@ -109,9 +114,8 @@ def _save_png(pattern: Pattern, path: Path) -> None:
     picture.save(path, format="PNG")
 
 
-def _laid_out(panels: Sequence[Panel]) -> _Sheet:
-    """Panels side by side, as drawn, in rows from the top."""
-    boxes = [_box(panel) for panel in panels]
+def laid_out(boxes: Sequence[tuple[Floats, Floats]]) -> Sheet:
+    """Boxes, lowest and highest corner [mm] with y down, side by side in rows from the top."""
     sizes = [high - low for low, high in boxes]
     wide = max(max(w for w, _ in sizes), float(np.sqrt(ROW * sum((w + GAP) * (h + GAP) for w, h in sizes)))) + GAP
     shifts, x, y, row, most = [], GAP, GAP, 0.0, 0.0
@@ -121,7 +125,7 @@ def _laid_out(panels: Sequence[Panel]) -> _Sheet:
         shifts.append(np.array([x, y]) - low)
         x, row = x + w + GAP, max(row, h)
         most = max(most, x)
-    return _Sheet(tuple(shifts), (most, y + row + GAP))
+    return Sheet(tuple(shifts), (most, y + row + GAP))
 
 
 def _box(panel: Panel) -> tuple[Floats, Floats]:
@@ -130,7 +134,7 @@ def _box(panel: Panel) -> tuple[Floats, Floats]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def _path(sheet: _Sheet, panel: int, curve: Curve) -> str:
+def _path(sheet: Sheet, panel: int, curve: Curve) -> str:
     """An edge as SVG's path: exactly, as SVG has the same curves."""
     points = [f"{x:.3f} {y:.3f}" for x, y in sheet.placed(panel, curve.points).tolist()]
     if curve.turn:
@@ -151,7 +155,7 @@ def _colour(stitch: int | None) -> str:
 
 
 def _labels(
-    sheet: _Sheet, index: int, panel: Panel, sewn: dict[Side, int]
+    sheet: Sheet, index: int, panel: Panel, sewn: dict[Side, int]
 ) -> Iterator[tuple[str, tuple[float, float], float, str]]:
     """Text, place [mm], height of letters [mm] and colour: the panel's name, and its edges' numbers, inside it."""
     low, high = _box(panel)
@@ -172,7 +176,7 @@ def _labels(
         yield text, (x, y + 0.35 * SMALL), SMALL, _colour(stitch)
 
 
-def _notches(sheet: _Sheet, index: int, panel: Panel) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
+def _notches(sheet: Sheet, index: int, panel: Panel) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
     """Ends of each notch's stroke [mm], from the outline inwards."""
     if panel.notches is None or not len(panel.notches):
         return
@@ -186,7 +190,7 @@ def _notches(sheet: _Sheet, index: int, panel: Panel) -> Iterator[tuple[tuple[fl
         yield (x0, y0), (x1, y1)
 
 
-def _grain(sheet: _Sheet, index: int, panel: Panel) -> list[tuple[float, float]]:
+def _grain(sheet: Sheet, index: int, panel: Panel) -> list[tuple[float, float]]:
     """The grain line [mm]: its foot, its tip, and the three points of its head; the warp is +y of the panel."""
     low, high = _box(panel)
     (x, y), half = 0.5 * (low + high) + sheet.shifts[index], 0.5 * GRAIN * float(high[1] - low[1])

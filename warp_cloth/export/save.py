@@ -11,6 +11,7 @@ from warp_cloth.export import preview, stage
 from warp_cloth.export.formats import check_inputs_kept
 from warp_cloth.export.map_picture import MapPictures
 from warp_cloth.export.override import StagedGarment, write_override
+from warp_cloth.export.panel_map import ON_PANELS, PanelMaps
 from warp_cloth.export.reference import AvatarAsset
 from warp_cloth.export.report import check_writable, result_paths, write_map, write_report
 from warp_cloth.export.report_page import write_report_page
@@ -52,14 +53,17 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
     )
     paths += [picture, report]
     for name in set(MAPS) - set(ranges):  # of an earlier run: they would be taken for this one's
-        (folder / f"map_{name}.png").unlink(missing_ok=True)
+        for ending in (".png", f"{ON_PANELS}.png", f"{ON_PANELS}.svg"):
+            (folder / f"map_{name}{ending}").unlink(missing_ok=True)
     pictures = {"preview": picture}
     if ranges:
         drawer = MapPictures(fit.garments, fit.avatar, device=fit.device)
+        flat = PanelMaps.of([fit.garments[index] for index in patterned(scene)])
         for name, bounds in ranges.items():
             pictures[name] = folder / f"map_{name}.png"
             drawer.write(pictures[name], MAPS[name], bounds)
             paths.append(pictures[name])
+            paths += [] if flat is None else flat.write(folder / f"map_{name}{ON_PANELS}", MAPS[name], bounds)
     for worn in fit.garments:
         path = folder / f"{scene.name}_{worn.name}_map.npz"
         paths += [path] if write_map(path, worn.mesh) else []
@@ -104,6 +108,7 @@ def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Seq
                 ranges=ranges,
                 colour=colour,
                 asset=asset,
+                flat=patterned(fit.scene),
             )
         paths.append(path)
     staged = staged_garments(fit)
@@ -112,6 +117,11 @@ def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Seq
         write_override(path, staged, ranges=ranges, colour=colour)
         paths.append(path)
     return paths
+
+
+def patterned(scene: Scene) -> tuple[int, ...]:
+    """The garments that are sewn from a pattern, by their place in the scene."""
+    return tuple(index for index, spec in enumerate(scene.garments) if spec.pattern is not None)
 
 
 def avatar_asset(scene: Scene) -> AvatarAsset | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
@@ -16,6 +16,7 @@ from warp_cloth.base.mesh import Mesh, Points, vertex_normals
 from warp_cloth.base.warp_setup import usd_sentence
 from warp_cloth.export.fields import Ranges, author_colours, author_fields, contiguous, unique_identifier
 from warp_cloth.export.files import whole_file
+from warp_cloth.export.flat_panels import author_flat_panels
 from warp_cloth.export.physics import author_collider, author_physics
 from warp_cloth.export.reference import AvatarAsset, author_reference
 from warp_cloth.export.surface import (
@@ -45,8 +46,11 @@ def write_stage(
     ranges: Ranges = MappingProxyType({}),
     colour: str = "",
     asset: AvatarAsset | None = None,
+    flat: Collection[int] = (),
 ) -> None:
     """Writes garments and avatar as one stage in metres: /NAME/GARMENT/GARMENT_mesh, /NAME/materials.
+
+    The garments numbered in ``flat`` also get their panels, as cut: /NAME/GARMENT/GARMENT_panels.
 
     Points, normals and extent have time samples only where garments have frames. ``ranges`` are those of the colours
     of maps; the map named ``colour`` also becomes displayColor. An avatar that came from a USD file (``asset``) is
@@ -72,6 +76,10 @@ def write_stage(
             author_colours(surface, garment.fields[colour], colour, ranges[colour])
         author_panels(surface, garment.mesh, material)
         bind(surface.GetPrim(), material)
+        cut = author_flat_panels(part, garment, ranges) if index in flat else None
+        if cut is not None:
+            author_panels(cut, garment.mesh, material)
+            bind(cut.GetPrim(), material)
         author_physics(surface, garment, material)
     if avatar is not None:
         part = author_part(root, avatar.name, unique_identifier(avatar.name, "avatar", taken), assembled)

@@ -51,6 +51,8 @@ def read_fit(place: Path) -> WrittenFit:
         if not prim.IsA(UsdGeom.Mesh):
             continue
         mesh = UsdGeom.Mesh(prim)
+        if mesh.ComputePurpose() == UsdGeom.Tokens.guide:  # panels laid flat
+            continue
         fields = _fields(mesh)
         if not fields:
             bodies.append(str(prim.GetPath()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
@@ -17,10 +18,11 @@ from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.delaunay import Ints, OutlineError
 from warp_cloth.pattern.drafted import Draft, DraftOptions, drafted_pattern, read_draft
 from warp_cloth.pattern.figure import Figure
+from warp_cloth.pattern.garmentcode import read_specification
 from warp_cloth.pattern.mesher import Flat, meshed
 from warp_cloth.pattern.outline import Outline, SewnOutlines, sewn_outlines
 from warp_cloth.pattern.sewing import Seam, seams_of
-from warp_cloth.pattern.specification import Pattern, read_specification, short
+from warp_cloth.pattern.specification import Pattern, short
 
 DRAFTED = ".dxf"
 MOST_VERTICES = 2_000_000
@@ -70,8 +72,25 @@ def read_drafted(path: Path, options: DraftOptions | None = None) -> Draft:
     return read_draft(str(path), content(path), options or DraftOptions())
 
 
+@dataclass(frozen=True, eq=False)
+class SewnPattern:
+    """A pattern, its panels meshed, and the garment that they are sewn to."""
+
+    pattern: Pattern
+    outlines: SewnOutlines
+    flat: Flat  # the panels; each one's vertices begin with those of its outline
+    triangles: Ints  # of the panels, their outer sides counter-clockwise, shape [F, 3]
+    number: Ints  # the garment's vertex that each vertex of the panels became, shape [N]
+    mesh: Mesh
+
+
 def sewn_mesh(pattern: Pattern, name: str, *, edge: float) -> Mesh:
     """The garment of a pattern, as ``load_pattern`` returns it."""
+    return sewn_pattern(pattern, name, edge=edge).mesh
+
+
+def sewn_pattern(pattern: Pattern, name: str, *, edge: float) -> SewnPattern:
+    """A pattern meshed and sewn; arguments and errors as of ``load_pattern``."""
     _check_count(pattern, edge)
     seams = seams_of(pattern)
     sewn = sewn_outlines(pattern, seams, edge)
@@ -82,16 +101,18 @@ def sewn_mesh(pattern: Pattern, name: str, *, edge: float) -> Mesh:
     outward ^= _turned(pattern, seams)
     panel = flat.panel[flat.triangles[:, 0]]
     triangles = np.where(outward[panel][:, None], flat.triangles, flat.triangles[:, ::-1])
-    used, number = np.unique(welded, return_inverse=True)
-    return Mesh(
+    used, inverse = np.unique(welded, return_inverse=True)
+    number = inverse.ravel()
+    mesh = Mesh(
         name=name,
         points=np.ascontiguousarray(points[used]),
-        triangles=np.ascontiguousarray(number.ravel()[triangles], dtype=np.int32),
+        triangles=np.ascontiguousarray(number[triangles], dtype=np.int32),
         texcoords=np.ascontiguousarray(flat.points[triangles]),
         panels=panel.astype(np.int32),
         panel_names=tuple(each.name for each in pattern.panels),
         notes=(*pattern.notes, *sewn.notes),
     )
+    return SewnPattern(pattern, sewn, flat, triangles, number, mesh)
 
 
 def _check_count(pattern: Pattern, edge: float) -> None:
@@ -114,7 +135,7 @@ def _meshed(pattern: Pattern, sewn: SewnOutlines, edge: float) -> Flat:
     outlines = [outline.points[::way] for outline, way in zip(sewn.outlines, ways, strict=True)]
     spacing = [outline.spacing[::way] for outline, way in zip(sewn.outlines, ways, strict=True)]
     try:
-        flat = meshed(outlines, spacing, edge)
+        flat = meshed(outlines, spacing, edge, sewn.holes)
     except OutlineError as error:
         _refuse_outline(pattern, sewn.outlines, ways, error.places)
     order = np.arange(len(flat.points))

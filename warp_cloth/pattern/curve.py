@@ -43,6 +43,11 @@ class Curve:
         return len(self.points) == 2 and self.turn == 0.0
 
     @property
+    def reversed(self) -> Curve:
+        """The same curve from its end to its start."""
+        return Curve(self.points[::-1], -self.turn)
+
+    @property
     def chord(self) -> float:
         """Distance of the ends [m]."""
         return float(np.hypot(*(self.end - self.start)))
@@ -148,6 +153,13 @@ def from_edge_frame(start: Floats, end: Floats, relative: Floats) -> Floats:
     along = end - start
     left = np.array([-along[1], along[0]])
     return start + relative[:, :1] * along + relative[:, 1:] * left
+
+
+def to_edge_frame(start: Floats, end: Floats, points: Floats) -> Floats:
+    """The inverse of ``from_edge_frame``."""
+    along = end - start
+    left = np.array([-along[1], along[0]])
+    return np.asarray((points - start) @ np.column_stack([along, left]) / (along @ along))
 
 
 def _cross(a: Floats, b: Floats) -> float:

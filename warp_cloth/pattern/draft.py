@@ -50,6 +50,7 @@ class Part:
     up: Floats  # which way along the grain is up as worn, shape [2]
     roles: Roles
     sure: float  # of the kind
+    holes: tuple[tuple[Chain, ...], ...] = ()  # cut out of it, counter-clockwise
     twin: int | None = None  # the part that is its mirror image
 
     @property
@@ -83,7 +84,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
         part = _part(piece, said, len(parts))
         place = f'piece "{short(piece.name)}"'
         if part.kind == "none":
-            why = "as stated" if said.place == "none" else "by its name it is no part of the outer cloth"
+            why = "as stated" if said.place == "none" else "by its name or material it is no part of the outer cloth"
             notes.append(f"{place} is left out: {why}")
             continue
         drawn, mirrored = _copies(piece, said, part, place, notes)
@@ -118,7 +119,7 @@ def _copies(piece: Piece, said: Stated, part: Part, place: str, notes: list[str]
     """Whether the piece is cut as drawn, and mirrored."""
     stated = said.copies if said.copies is not None else piece.copies
     if stated is None:
-        one_sided = named(piece.name).side != BOTH or PLACES.get(said.place or "", ("", BOTH))[1] != BOTH
+        one_sided = piece.what.side != BOTH or PLACES.get(said.place or "", ("", BOTH))[1] != BOTH
         pair = part.kind in PAIRED and not one_sided
         if pair:
             notes.append(f"{place} states no quantity: a pair is taken")
@@ -135,8 +136,7 @@ def _copies(piece: Piece, said: Stated, part: Part, place: str, notes: list[str]
 
 
 def _part(piece: Piece, said: Stated, index: int) -> Part:
-    name = named(piece.name)
-    kind, side, sure = name.kind, name.side, BY_NAME
+    kind, side, sure = piece.what.kind, piece.what.side, BY_NAME
     if said.place is not None:
         kind, stated_side = PLACES[said.place]
         side = stated_side or side
@@ -148,8 +148,9 @@ def _part(piece: Piece, said: Stated, index: int) -> Part:
     turn = upright(piece.edges, kind)[1] * np.eye(2)  # half a turn keeps the warp along y
     edges = tuple(edge.turned(turn, np.zeros(2)) for edge in piece.edges)
     lines = tuple(line @ turn for line in piece.lines)
+    holes = tuple(tuple(edge.turned(turn, np.zeros(2)) for edge in hole) for hole in piece.holes)
     part = Part(piece.name, edges, tuple(range(len(edges))), piece.mirror, piece.notches @ turn, lines,
-                kind, side, UPWARDS, {}, sure)  # fmt: skip
+                kind, side, UPWARDS, {}, sure, holes)  # fmt: skip
     shape = part.shape
     roles = _roles(kind, shape, piece.mirror is not None)
     return replace(part, roles=roles, side=side or _side(kind, shape, roles, piece.mirror is not None))
@@ -212,6 +213,7 @@ def _mirrored(part: Part, drawn: bool) -> Part:
         mirror=mirror,
         notches=part.notches @ MIRROR,
         lines=tuple(line @ MIRROR for line in part.lines),
+        holes=tuple(tuple(edge.turned(MIRROR, np.zeros(2)).reversed for edge in hole[::-1]) for hole in part.holes),
         side=-part.side,
         roles=roles,
     )

@@ -52,8 +52,10 @@ def read_draft(file: str, data: bytes, options: DraftOptions) -> Draft:
     Raises:
         InputError: ezdxf is not installed, the file cannot be read, or what is stated does not fit it.
     """
-    pieces, told = pieces_of(file, read_drawing(file, data), options.seam_allowance)
-    size, sizes, chosen = _of_size(file, pieces, options.size)
+    drawing = read_drawing(file, data)
+    pieces, told = pieces_of(file, drawing, options.seam_allowance)
+    sample = drawing.stated.get("samplesize") or drawing.stated.get("basesize", "")
+    size, sizes, chosen = _of_size(file, pieces, options.size, sample)
     notes = [*told, *(note for piece in chosen for note in piece.notes)]
     if options.size is None and len(sizes) > 1:
         notes.append(f"size {size} of {', '.join(sizes)}: state garment.size for another")
@@ -70,13 +72,15 @@ def read_draft(file: str, data: bytes, options: DraftOptions) -> Draft:
     return Draft(file, size, sizes, parts, joints, unsewn, tuple(notes))
 
 
-def _of_size(file: str, pieces: Sequence[Piece], wanted: str | None) -> tuple[str, tuple[str, ...], list[Piece]]:
-    """The size, all sizes of the file from small to large, and the pieces of that size."""
+def _of_size(
+    file: str, pieces: Sequence[Piece], wanted: str | None, sample: str
+) -> tuple[str, tuple[str, ...], list[Piece]]:
+    """The size (by default the sample's, else the middle one), all sizes from small to large, and its pieces."""
     sizes = tuple(sorted({piece.size for piece in pieces if piece.size}, key=_rank))
     if wanted is None:
         if len(sizes) < 2:
             return sizes[0] if sizes else "", sizes, list(pieces)
-        wanted = sizes[len(sizes) // 2]
+        wanted = sample if sample in sizes else sizes[len(sizes) // 2]
     found = next((size for size in sizes if size.lower() == wanted.strip().lower()), None)
     if found is None:
         listed = f"its sizes are {', '.join(sizes)}" if sizes else "it states no sizes"
@@ -163,6 +167,7 @@ def drafted_pattern(draft: Draft, figure: Figure | None) -> Pattern:
             wrap=wrap,
             notches=part.notches,
             lines=part.lines,
+            holes=part.holes,
         )
         for part, edges, wrap in zip(draft.parts, made.edges, wraps, strict=True)
     )
@@ -182,6 +187,7 @@ def drawn_pattern(draft: Draft) -> Pattern:
             np.zeros(3),
             notches=part.notches,
             lines=part.lines,
+            holes=part.holes,
         )
         for part in draft.parts
     )

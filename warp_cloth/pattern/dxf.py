@@ -8,7 +8,7 @@ drill holes, 14 sew line, any: text such as ``Piece Name: FRONT``. Lengths stay 
 from __future__ import annotations
 
 import io
-import math
+import logging
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -18,6 +18,7 @@ import numpy as np
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.loops import area_of, chained, gap_of
 from warp_cloth.pattern.specification import MOST_PANELS, short
 
 EXPORT_AGAIN = "export the DXF again, as AAMA or ASTM"
@@ -40,7 +41,8 @@ NAMED = (
 )
 LINEAR = ("LINE", "ARC", "CIRCLE", "ELLIPSE", "LWPOLYLINE", "POLYLINE", "SPLINE")
 FINE = 2e-5  # of a block's extent: how far the points of an arc or spline may be from it
-# lines of text as AAMA has them; some programs leave blanks out or translate the colon's spacing
+NAMELESS = 0  # lines of layers that have neither number nor known name
+# lines of text as AAMA has them; some programs leave blanks out
 _STATED = re.compile(r"^\s*([A-Za-z][A-Za-z /_-]*?)\s*[:=]\s*(.*?)\s*$")
 
 
@@ -51,7 +53,7 @@ class Drawn:
     block: str  # name of the block; empty in the model space
     lines: dict[int, list[Floats]] = field(default_factory=dict)
     points: dict[int, list[Floats]] = field(default_factory=dict)
-    texts: dict[str, str] = field(default_factory=dict)  # stated, by lower-case key
+    texts: dict[str, str] = field(default_factory=dict)  # stated, by key in lower case without blanks
     remarks: list[str] = field(default_factory=list)  # other texts
 
     def state(self, text: str) -> None:
@@ -60,8 +62,17 @@ class Drawn:
         if found is None:
             self.remarks.append(text.strip())
             return
-        key = re.sub(r"[\s_]+", " ", found[1].strip().lower())
-        self.texts.setdefault(key, found[2])
+        key = re.sub(r"[^a-z]", "", found[1].lower())
+        if not self.texts.get(key):
+            self.texts[key] = found[2]
+
+    def said(self, *keys: str) -> str:
+        """What it states under the first of these keys that it states anything under."""
+        return next((self.texts[key] for key in keys if self.texts.get(key)), "")
+
+    @property
+    def has_outline(self) -> bool:
+        return CUT in self.lines or SEW in self.lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +101,7 @@ def read_drawing(file: str, data: bytes) -> Drawing:
     sheet = Drawn("")
     for text in loose:
         sheet.state(text)
-    pieces = [piece for piece in pieces if CUT in piece.lines or SEW in piece.lines]
+    pieces = [piece for piece in pieces if piece.has_outline]
     if not pieces:
         _refuse(file, "has no pieces: nothing is drawn on layer 1 (the cut line) or 14 (the sew line)")
     if len(pieces) > MOST_PANELS:
@@ -115,6 +126,7 @@ def _document(file: str, data: bytes) -> Any:
         _refuse(file, "is empty")
     if data.startswith(b"AC10"):
         _refuse(file, "is a DWG file, not DXF", "save it as DXF")
+    logging.getLogger("ezdxf").addHandler(logging.NullHandler())  # what it mends is not printed
     try:
         document, _ = recover.read(io.BytesIO(data))
     except Exception as error:  # a damaged file raises whatever the recovery happens to meet
@@ -126,12 +138,14 @@ def _document(file: str, data: bytes) -> Any:
 def _pieces(document: Any) -> tuple[list[Drawn], list[str]]:
     """The pieces of all blocks, or else of the model space, and the texts that belong to none."""
     space = list(document.modelspace())
-    inner = {
-        entity.dxf.name for block in document.blocks if not block.is_any_layout for entity in block.query("INSERT")
-    }
+    blocks = [block for block in document.blocks if not (block.is_any_layout or block.name.startswith("*"))]
+    drawn = {block.name for block in blocks if _has_lines(block, SEW) or _has_lines(block, CUT)}
+    # parts of a piece are blocks within its block; a block of nothing but pieces is a sheet of them
+    sheets = {block.name for block in blocks if block.name not in drawn and drawn.intersection(_inserted(block))}
+    inner = {name for block in blocks if block.name not in sheets for name in _inserted(block)}
     pieces = []
-    for block in document.blocks:
-        if block.is_any_layout or block.name.startswith("*") or block.name in inner:
+    for block in blocks:
+        if block.name in inner or block.name in sheets:
             continue
         insert = next((each for each in space if each.dxftype() == "INSERT" and each.dxf.name == block.name), None)
         piece = _drawn(block.name, list(block), _scale(insert))
@@ -141,9 +155,29 @@ def _pieces(document: Any) -> tuple[list[Drawn], list[str]]:
         pieces.append(piece)
     loose = [entity for entity in space if entity.dxftype() != "INSERT"]
     texts = [text for entity in loose for text in _texts(entity)]
-    if not any(CUT in piece.lines or SEW in piece.lines for piece in pieces):
+    if not any(piece.has_outline for piece in pieces):
+        for piece in pieces:
+            _take_outline(piece)
+    if not any(piece.has_outline for piece in pieces):
         return _loose_pieces(loose)
     return pieces, texts
+
+
+def _inserted(block: Any) -> set[str]:
+    return {entity.dxf.name for entity in block.query("INSERT")}
+
+
+def _has_lines(block: Any, layer: int) -> bool:
+    linear = [entity for entity in block if entity.dxftype() in LINEAR]
+    return any(layer_number(str(entity.dxf.get("layer", "0"))) == layer for entity in linear)
+
+
+def _take_outline(piece: Drawn) -> None:
+    """Takes the largest loop of layers without meaning as the cut line, where a file does not use layers."""
+    loops = chained(piece.lines.get(NAMELESS, []))
+    if loops:
+        largest = max(loops, key=lambda loop: abs(area_of(loop)))
+        piece.lines[CUT] = [np.concatenate([largest, largest[:1]])]
 
 
 def _scale(insert: Any) -> float:
@@ -161,15 +195,13 @@ def _drawn(name: str, entities: Iterable[Any], scale: float = 1.0) -> Drawn:
             piece.state(text)
         layer = layer_number(str(entity.dxf.get("layer", "0")))
         kind = entity.dxftype()
-        if layer is None:
-            continue
-        if kind == "POINT":
+        if kind == "POINT" and layer is not None:
             place = entity.dxf.location
             piece.points.setdefault(layer, []).append(scale * np.array([place.x, place.y]))
         elif kind in LINEAR:
             line = _polyline(entity, fine)
             if len(line) > 1:
-                piece.lines.setdefault(layer, []).append(scale * line)
+                piece.lines.setdefault(layer or NAMELESS, []).append(scale * line)
     return piece
 
 
@@ -226,11 +258,10 @@ def _loose_pieces(entities: list[Any]) -> tuple[list[Drawn], list[str]]:
     whole = _drawn("", entities)
     layers = whole.lines
     if CUT not in layers and SEW not in layers:  # no layers at all: what is closed is an outline
-        plain = [entity for entity in entities if entity.dxftype() in LINEAR]
-        fine = _extent(plain) * FINE
-        closed = [line for line in (_polyline(entity, fine) for entity in plain) if len(line) > 3]
+        closed = [line for line in layers.get(NAMELESS, []) if len(line) > 3]
         layers = {CUT: [line for line in closed if np.allclose(line[0], line[-1])]}
-    outlines = _joined(layers.get(CUT, layers.get(SEW, [])))
+    drawn = layers.get(CUT, layers.get(SEW, []))
+    outlines = [line if gap_of(drawn, line) else np.concatenate([line, line[:1]]) for line in chained(drawn)]
     boxes = [(line.min(axis=0), line.max(axis=0)) for line in outlines]
     pieces = [Drawn("") for _ in outlines]
     main = CUT if CUT in layers else SEW
@@ -268,12 +299,6 @@ def _loose_pieces(entities: list[Any]) -> tuple[list[Drawn], list[str]]:
     return pieces, loose
 
 
-def _joined(lines: list[Floats]) -> list[Floats]:
-    from warp_cloth.pattern.loops import chained
-
-    return chained(lines)
-
-
 def _check(file: str, piece: Drawn) -> None:
     """Refuses numbers that are none."""
     for lines in (*piece.lines.values(), *piece.points.values()):
@@ -282,10 +307,3 @@ def _check(file: str, piece: Drawn) -> None:
                 _refuse(f'{file}: block "{short(piece.block)}"', f"a line has over {MOST_POINTS:,} points")
             if not np.isfinite(line).all() or float(np.abs(line).max(initial=0.0)) > 1e9:
                 _refuse(f'{file}: block "{short(piece.block)}"', "a coordinate is not a usable number")
-
-
-def number_of(text: str) -> float | None:
-    """The first number in a text."""
-    found = re.search(r"[-+]?\d+(?:[.,]\d+)?", text)
-    value = float(found[0].replace(",", ".")) if found else math.nan
-    return value if math.isfinite(value) else None

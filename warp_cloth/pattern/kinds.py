@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 LEFT, BOTH, RIGHT = 1, 0, -1  # the wearer's
 
@@ -22,6 +23,19 @@ WORDS = (
     ("skirt", r"skirt|\brock|jupe|falda|gonna"),
     ("front", r"front|\bfrt?\b|\bf\b|vorder|devant|delanter|davanti|\bvt\b"),
     ("back", r"back|\bbk\b|\bb\b|r(ü|ue)ck|\bdos\b|espalda|trasero|dietro|hinter|\bht\b|rear"),
+)
+INNER_CLOTH = r"lining|fus(e|ing|ible)|interlin|interfac|futter|doublure|entretela|forro"
+# What pieces are called after the name of their style
+CODES = (
+    ("front", ("F", "FR", "FT", "FRT", "FP", "DV", "DEV", "VT")),
+    ("back", ("B", "BK", "BCK", "BP", "DS", "RT")),
+    ("sleeve", ("S", "SL", "SLV", "MA", "AE")),
+    ("collar", ("C", "CO", "CL", "COL", "NB", "NK", "KR")),
+    ("cuff", ("CF", "CU", "CUF")),
+    ("waistband", ("WB", "W")),
+    ("hood", ("H", "HD")),
+    ("yoke", ("Y", "YK")),
+    ("none", ("PK", "PKT", "POC", "FAC", "FL", "LB", "LIN", "INT")),
 )
 SIDES = (
     (LEFT, r"\bleft|\blh\b|\bl\b|links|gauche|izquierd|sinistr"),
@@ -64,15 +78,14 @@ PAIRED = ("sleeve", "leg_front", "leg_back", "hood", "cuff")  # cut twice where 
 class Named:
     """What a name says; ``kind`` is empty where it says nothing."""
 
-    kind: str
-    side: int
-    on_leg: bool = False  # a front or back of trousers
-    on_skirt: bool = False
+    kind: str = ""
+    side: int = BOTH
 
 
 def named(name: str) -> Named:
     """What a piece's name says of it."""
-    text = re.sub(r"[_\-.,/()0-9]+", " ", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)).lower()
+    text = re.sub(r"\d{3,}", "0", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name))  # of a style "B2204" the B is no back
+    text = re.sub(r"[_\-.,/()1-9]+|(?<!\w)0", " ", text).lower()
     found = [kind for kind, words in WORDS if re.search(words, text)]
     side = next((side for side, words in SIDES if re.search(words, text)), BOTH)
     if not found:
@@ -80,8 +93,35 @@ def named(name: str) -> Named:
     kind = found[0]
     if kind in ("leg", "skirt"):
         face = next((each for each in found if each in ("front", "back")), "")
-        return Named(f"{kind}_{face}" if face else kind, side, kind == "leg", kind == "skirt")
+        return Named(f"{kind}_{face}" if face else kind, side)
     return Named(kind, side)
+
+
+def named_all(texts: Sequence[Sequence[str]]) -> list[Named]:
+    """What pieces are by their names, categories and materials; else by the codes after what all names begin with."""
+    names = sorted({name for name, _, _ in texts})
+    # of sorted names the first and the last differ soonest
+    alike = [one == other for one, other in zip(names[0], names[-1], strict=False)]
+    style = 0 if len(names) < 2 else alike.index(False) if False in alike else len(alike)
+    found = []
+    for name, category, material in texts:
+        what = named(name)
+        if not what.kind:
+            other = named(category)
+            what = replace(other, side=what.side or other.side) if other.kind else what
+        if not what.kind:
+            what = replace(what, kind=_coded(name[style:]))
+        if re.search(INNER_CLOTH, material.lower()):
+            what = replace(what, kind="none")
+        found.append(what)
+    return found
+
+
+def _coded(code: str) -> str:
+    """The kind that the words of a code stand for: after "TEE", "FR" and "BK" are a front and a back."""
+    first, *others = [word.upper() for word in re.findall(r"[A-Za-z]+", code)] or [""]
+    words = [first, *(word for word in others if len(word) > 1)]
+    return next((kind for word in words for kind, codes in CODES if word in codes), "")
 
 
 def without_side(name: str) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,10 +16,28 @@ CLEARANCE = 0.6  # of the spacing, between lattice and outline: less makes slive
 JITTER = 1e-3  # of the spacing: no four vertices of the lattice are on one circle, so that one triangulation is right
 
 
-def inside(outline: Floats, points: Floats) -> NDArray[np.bool_]:
-    """Whether points lie in a polygon (even-odd rule), shape [N]; points of equal y cost one search."""
+@dataclass(frozen=True, eq=False)
+class Rim:
+    """The outline of a panel and its holes: polygons of straight sides."""
+
+    points: Floats  # where sides start [m], shape [n, 2]
+    ends: Floats
+    wanted: Floats  # [m] spacing at the points, shape [n]
+
+
+def rim_of(loops: Sequence[Floats], wanted: Sequence[Floats]) -> Rim:
+    """The rim of closed loops, shape [n, 2] each."""
+    ends = [np.roll(loop, -1, axis=0) for loop in loops]
+    return Rim(np.concatenate(loops), np.concatenate(ends), np.concatenate(wanted))
+
+
+def inside(outline: Floats, points: Floats, ends: Floats | None = None) -> NDArray[np.bool_]:
+    """Whether points lie in a polygon (even-odd rule), shape [N]; points of equal y cost one search.
+
+    ``ends``: where the sides end that start at the outline's points; by default each at the next.
+    """
     rows, row = np.unique(points[:, 1], return_inverse=True)
-    start, end = outline, np.roll(outline, -1, axis=0)
+    start, end = outline, np.roll(outline, -1, axis=0) if ends is None else ends
     low, high = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
     first, last = np.searchsorted(rows, low, side="left"), np.searchsorted(rows, high, side="left")
     count = last - first  # rows that each side crosses: low <= y < high
@@ -31,9 +52,9 @@ def inside(outline: Floats, points: Floats) -> NDArray[np.bool_]:
     return np.asarray((before - np.searchsorted(crossed, row.ravel(), side="left")) % 2 == 1)
 
 
-def lattice(outline: Floats, spacing: float) -> Floats:
-    """Points of a hexagonal lattice inside an outline [m], shape [N, 2]; an equilateral triangle has the spacing."""
-    low, high = outline.min(axis=0), outline.max(axis=0)
+def lattice(rim: Rim, spacing: float) -> Floats:
+    """Points of a hexagonal lattice inside a panel [m], shape [N, 2]; an equilateral triangle has the spacing."""
+    low, high = rim.points.min(axis=0), rim.points.max(axis=0)
     height = spacing * np.sqrt(0.75)
     count = max(1, int(np.ceil((high[1] - low[1]) / height)))
     rows = low[1] + (high[1] - low[1]) * (np.arange(count) + 0.5) / count
@@ -41,7 +62,7 @@ def lattice(outline: Floats, spacing: float) -> Floats:
     x, y = np.meshgrid(columns, rows)
     x = x + 0.5 * spacing * (np.arange(count) % 2)[:, None]
     spots = np.column_stack([x.ravel(), y.ravel()])
-    return spots[inside(outline, spots)]
+    return spots[inside(rim.points, spots, rim.ends)]
 
 
 def jittered(points: Floats, spacing: float) -> Floats:
@@ -49,9 +70,10 @@ def jittered(points: Floats, spacing: float) -> Floats:
     return points + np.random.default_rng(0).uniform(-JITTER, JITTER, points.shape) * spacing
 
 
-def spacing_at(points: Floats, outline: Floats, wanted: Floats, most: float) -> Floats:
+def spacing_at(points: Floats, rim: Rim, most: float) -> Floats:
     """Wanted spacing at points of a panel [m]: that of the outline's vertices, growing with the distance, shape [N]."""
     found = np.full(len(points), most)
+    outline, wanted = rim.points, rim.wanted
     fine = wanted < GRADED * most
     for chunk in np.array_split(np.arange(len(points)), 1 + len(points) * int(fine.sum()) // 2_000_000):
         if fine.any():

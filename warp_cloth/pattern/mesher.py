@@ -9,7 +9,7 @@ import numpy as np
 
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.delaunay import FLAT, Ints, OutlineError, doubled_areas, triangulated
-from warp_cloth.pattern.lattice import CLEARANCE, GRADED, inside, jittered, lattice, spacing_at
+from warp_cloth.pattern.lattice import CLEARANCE, GRADED, Rim, inside, jittered, lattice, rim_of, spacing_at
 
 SMOOTHING_ROUNDS = 8
 REFINING_ROUNDS = 3
@@ -27,7 +27,7 @@ APART = 3.0  # spacings between the panels, side by side, of one triangulation
 
 @dataclass(frozen=True, eq=False)
 class Flat:
-    """Meshed panels side by side: vertices of all outlines first, then those inside."""
+    """Meshed panels side by side: vertices of all outlines first, then of all holes, then those inside."""
 
     points: Floats  # [m], shape [N, 2]
     triangles: Ints  # counter-clockwise, shape [F, 3]
@@ -37,33 +37,39 @@ class Flat:
 
 @dataclass(eq=False)
 class _Sheet:
-    """Outlines of all panels, side by side and counter-clockwise."""
+    """All panels, side by side."""
 
-    outlines: list[Floats]
-    wanted: list[Floats]  # spacing at the vertices of each outline
+    loops: list[Floats]  # outlines counter-clockwise, then holes clockwise
+    panels: list[int]  # of each loop
+    rims: list[Rim]  # of each panel
     spacing: float
-    starts: Ints  # first vertex of each outline
     origins: Floats  # [m], shape [P, 2]
 
     @property
     def sides(self) -> Ints:
-        loops = [s + np.arange(len(o)) for s, o in zip(self.starts, self.outlines, strict=True)]
+        starts = np.cumsum([0, *(len(loop) for loop in self.loops[:-1])])
+        loops = [start + np.arange(len(loop)) for start, loop in zip(starts, self.loops, strict=True)]
         return np.concatenate([np.column_stack([loop, np.roll(loop, -1)]) for loop in loops])
 
 
-def meshed(outlines: Sequence[Floats], wanted: Sequence[Floats], spacing: float) -> Flat:
+def meshed(
+    outlines: Sequence[Floats],
+    wanted: Sequence[Floats],
+    spacing: float,
+    holes: Sequence[tuple[int, Floats, Floats]] = (),
+) -> Flat:
     """Fills outlines, each counter-clockwise [m], shape [n, 2], with triangles of about the spacing [m].
 
     ``wanted``: the spacing at each outline's vertices. Vertices keep the order of the outlines; the panels are moved
-    side by side along x.
+    side by side along x. ``holes``: the panel of each, its vertices counter-clockwise and their spacing.
 
     Raises:
         OutlineError: an outline crosses or touches itself.
     """
-    sheet = _side_by_side(outlines, wanted, spacing)
-    seeds = [_seeds(o, w, spacing) for o, w in zip(sheet.outlines, sheet.wanted, strict=True)]
-    rim = np.concatenate(sheet.outlines)
-    of_rim = np.repeat(np.arange(len(outlines)), [len(o) for o in outlines])
+    sheet = _side_by_side(outlines, wanted, spacing, holes)
+    seeds = [_seeds(rim, spacing) for rim in sheet.rims]
+    rim = np.concatenate(sheet.loops)
+    of_rim = np.repeat(sheet.panels, [len(loop) for loop in sheet.loops])
     points = np.concatenate([rim, jittered(np.concatenate(seeds), spacing)])
     panel = np.concatenate([of_rim, np.repeat(np.arange(len(outlines)), [len(s) for s in seeds])])
     sides = sheet.sides
@@ -97,32 +103,43 @@ def _renewed(points: Floats, panel: Ints, triangles: Ints, sides: Ints, changed:
         raise OutlineError(*(int(mine[at]) for at in error.places)) from None
 
 
-def _side_by_side(outlines: Sequence[Floats], wanted: Sequence[Floats], spacing: float) -> _Sheet:
+def _side_by_side(
+    outlines: Sequence[Floats],
+    wanted: Sequence[Floats],
+    spacing: float,
+    holes: Sequence[tuple[int, Floats, Floats]],
+) -> _Sheet:
     moved, origins, right = [], [], 0.0
     for outline in outlines:
         low, high = outline.min(axis=0), outline.max(axis=0)
-        origins.append([right - low[0], -low[1]])
+        origins.append(np.array([right - low[0], -low[1]]))
         moved.append(outline + origins[-1])
         right += high[0] - low[0] + APART * spacing
-    starts = np.cumsum([0, *(len(outline) for outline in outlines[:-1])])
-    return _Sheet(moved, list(wanted), spacing, starts, np.array(origins))
+    loops = [*moved, *((points + origins[panel])[::-1] for panel, points, _ in holes)]
+    panels = [*range(len(outlines)), *(panel for panel, _, _ in holes)]
+    local = [*wanted, *(spacings[::-1] for _, _, spacings in holes)]
+    rims = []
+    for index in range(len(outlines)):
+        own = [k for k, panel in enumerate(panels) if panel == index] if holes else [index]
+        rims.append(rim_of([loops[k] for k in own], [local[k] for k in own]))
+    return _Sheet(loops, panels, rims, spacing, np.array(origins))
 
 
-def _rim_places(outline: Floats) -> Floats:
-    """Vertices of an outline and the middles of its sides."""
-    return np.concatenate([outline, 0.5 * (outline + np.roll(outline, -1, axis=0))])
+def _rim_places(rim: Rim) -> Floats:
+    """Vertices of a rim and the middles of its sides."""
+    return np.concatenate([rim.points, 0.5 * (rim.points + rim.ends)])
 
 
-def _seeds(outline: Floats, wanted: Floats, spacing: float) -> Floats:
-    """Inner vertices at first: the lattice, but where the spacing is closer or the outline near."""
+def _seeds(rim: Rim, spacing: float) -> Floats:
+    """Inner vertices at first: the lattice, but where the spacing is closer or the rim near."""
     from scipy.spatial import cKDTree
 
-    spots = lattice(outline, spacing)
+    spots = lattice(rim, spacing)
     if not len(spots):
         return spots
-    local = spacing_at(spots, outline, wanted, spacing)
+    local = spacing_at(spots, rim, spacing)
     spots, local = spots[local >= GRADED * spacing], local[local >= GRADED * spacing]
-    clear, _ = cKDTree(_rim_places(outline)).query(spots, distance_upper_bound=spacing)
+    clear, _ = cKDTree(_rim_places(rim)).query(spots, distance_upper_bound=spacing)
     return np.asarray(spots[clear > CLEARANCE * local])
 
 
@@ -164,10 +181,10 @@ def _refined(sheet: _Sheet, points: Floats, triangles: Ints, panel: Ints) -> tup
     for index in np.unique(of):
         mine = np.flatnonzero(of == index)
         spots = off[mine]
-        outline = sheet.outlines[index]
-        local = spacing_at(spots, outline, sheet.wanted[index], sheet.spacing)
-        good = inside(outline, spots) & (radius[maybe][mine] > 0.5 * local)
-        clear, _ = cKDTree(_rim_places(outline)).query(spots)
+        rim = sheet.rims[index]
+        local = spacing_at(spots, rim, sheet.spacing)
+        good = inside(rim.points, spots, rim.ends) & (radius[maybe][mine] > 0.5 * local)
+        clear, _ = cKDTree(_rim_places(rim)).query(spots)
         good &= clear > 0.5 * local
         good &= near[mine] > 0.55 * local
         kept: list[int] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ LONGER = 5e-4  # of a curve's length, by which its polygon may be longer in orde
 CLOSEST = 0.125  # of the asked spacing: no seam is finer, however narrow or bent the cloth is
 FACING = 0.5  # cosine between the inward normal and the way to a point beyond which it lies across the cloth
 OPEN = np.radians(4.0)  # least angle of a corner; less is opened, as cloth there is narrower than a thread
+HOLE_SIDES = 16  # of a hole's polygon at least
 REACH = 8  # vertices from a corner up to which edges that cross are parted
 ROUNDS = 2  # of passing spacings across seams and panels
 
@@ -40,6 +41,7 @@ class SewnOutlines:
 
     outlines: tuple[Outline, ...]
     seams: tuple[tuple[int, Ints, int, Ints], ...]  # panel and vertices of either side, as they meet
+    holes: tuple[tuple[int, Floats, Floats], ...] = ()  # panel, vertices of a hole counter-clockwise, their spacing
     notes: tuple[str, ...] = ()
 
 
@@ -75,7 +77,18 @@ def sewn_outlines(pattern: Pattern, seams: Sequence[Seam], edge: float) -> SewnO
     for run in runs:
         if id(run) not in divided:
             divided[id(run)] = _divided(run, 1 if run.curve.is_line else 2)
-    return _collected(pattern, by_panel, divided, pairs, seams)
+    holes = tuple((n, *_hole(hole, edge)) for n, panel in enumerate(pattern.panels) for hole in panel.holes)
+    return replace(_collected(pattern, by_panel, divided, pairs, seams), holes=holes)
+
+
+def _hole(edges: Sequence[Curve], edge: float) -> tuple[Floats, Floats]:
+    """Vertices round a hole [m], shape [n, 2], and their spacing."""
+    spacing = float(np.clip(sum(curve.length for curve in edges) / HOLE_SIDES, CLOSEST * edge, edge))
+    points = []
+    for curve in edges:
+        count = max(2, int(np.ceil(curve.length / spacing)))
+        points.append(curve.at(np.arange(count) / count))
+    return np.concatenate(points), np.full(sum(map(len, points)), spacing)
 
 
 def _runs(pattern: Pattern, seams: Sequence[Seam], edge: float) -> tuple[list[_Run], list[tuple[_Run, _Run]]]:
@@ -190,7 +203,7 @@ def _collected(
     for (one, other), seam in zip(pairs, seams, strict=True):
         there = vertices[id(other)][::-1] if seam.reverse else vertices[id(other)]
         sewn.append((one.piece.side.panel, vertices[id(one)], other.piece.side.panel, there))
-    return SewnOutlines(tuple(outlines), tuple(sewn), tuple(notes))
+    return SewnOutlines(tuple(outlines), tuple(sewn), notes=tuple(notes))
 
 
 def _beside(run: _Run, shares: Floats) -> Floats:

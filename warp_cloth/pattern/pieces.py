@@ -11,34 +11,20 @@ import numpy as np
 from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.dxf import (
-    CURVE,
-    CUT,
-    CUT_OUT,
-    FOLD,
-    GRAIN,
-    INTERNAL,
-    NOTCH,
-    SEW,
-    TURN,
-    Drawing,
-    Drawn,
-)
-from warp_cloth.pattern.loops import area_of, chained, cleaned, gap_of, inset, smoothed, turns_of
+from warp_cloth.pattern.dxf import CUT, CUT_OUT, FOLD, GRAIN, INTERNAL, SEW, TURN, Drawing, Drawn
+from warp_cloth.pattern.dxf_unit import unit_of
+from warp_cloth.pattern.kinds import Named, named_all
+from warp_cloth.pattern.lattice import inside
+from warp_cloth.pattern.loops import area_of, chained, cleaned, gap_of, inset, smoothed
+from warp_cloth.pattern.marks import NO_POINTS, carried, corners_of, marks_of, notches_of
 from warp_cloth.pattern.specification import LARGEST, MOST_EDGES, NO_LENGTH, SMALLEST, short
 
-INCH = 0.0254
-# Metres in a unit of $INSUNITS
-CODES = {1: INCH, 2: 12 * INCH, 4: 1e-3, 5: 1e-2, 6: 1.0, 14: 0.1}
-LIKELY = (0.12, 4.0)  # [m] extent of a garment's largest piece
-CORNER = np.radians(35.0)  # turn that makes a corner where turn points do not state them
-MARKED_CORNER = np.radians(60.0)  # and where the file calls the point one of a curve
-NEAR = 1.5e-3  # [m] from a mark to the outline that it belongs to
-NOTCH_REACH = 0.03  # [m]: notches are on the cut line, and outlines may be sew lines
 OPEN_GAP = 2e-3  # [m] that an outline may be open without a note
 SMOOTH = 4e-3  # [m] between points of a curve
 FOLD_NEAR = 2e-3  # [m]
+SMALL_HOLE = 0.02  # [m] across: buttonholes, eyelets and drills are left closed
 ALIKE = 3e-3  # [m] to which corners of a symmetric piece agree
+ABOUT = (("category", "description"), ("material", "fabric"))  # texts that tell what a piece is
 SIZES = ("XXXS", "XXS", "XS", "S", "M", "L", "XL", "XXL", "XXXL", "2XL", "3XL", "4XL", "5XL", "6XL")
 
 
@@ -53,7 +39,9 @@ class Piece:
     mirror: tuple[int, ...] | None  # the edge that each is the mirror image of in a symmetric piece
     notches: Floats  # [m], shape [N, 2]
     lines: tuple[Floats, ...]  # inner lines, drawn only [m], shape [n, 2] each
+    holes: tuple[tuple[Chain, ...], ...]  # cut out of it, counter-clockwise
     notes: tuple[str, ...]
+    what: Named  # what its texts say it is
 
     @property
     def outline(self) -> Floats:
@@ -71,85 +59,75 @@ def pieces_of(file: str, drawing: Drawing, allowance: float) -> tuple[tuple[Piec
     Raises:
         InputError: a piece has no closed outline, or an impossible size.
     """
-    metres, told = _unit(file, drawing)
-    pieces = [_piece(file, drawn, metres, allowance) for drawn in drawing.pieces]
-    return tuple(_sized(pieces)), told
+    metres, told = unit_of(file, drawing)
+    loops = [_outline(file, drawn, metres, allowance) for drawn in drawing.pieces]
+    groups: dict[str, list[int]] = {}
+    for index, drawn in enumerate(drawing.pieces):
+        groups.setdefault(_named(drawn)[0], []).append(index)
+    pieces, abouts = [], []
+    for index, (drawn, loop) in enumerate(zip(drawing.pieces, loops, strict=True)):
+        # what only one size states, as AccuMark's sample size does, goes for all
+        others = [index, *groups[_named(drawn)[0]]]
+        texts: dict[str, str] = {}
+        for each in others:
+            texts = {key: text for key, text in drawing.pieces[each].texts.items() if text} | texts
+        alike = [each for each in others if len(loops[each].points) == len(loop.points)]
+        marked = next((each for each in alike if TURN in drawing.pieces[each].points), index)
+        pieces.append(_piece(file, drawn, loop, _copies(texts), drawing.pieces[marked], loops[marked], metres))
+        abouts.append([texts.get(key) or texts.get(other, "") for key, other in ABOUT])
+    pieces = _sized(pieces)
+    kinds = named_all([(piece.name, *about) for piece, about in zip(pieces, abouts, strict=True)])
+    return tuple(replace(piece, what=what) for piece, what in zip(pieces, kinds, strict=True)), told
 
 
-def _unit(file: str, drawing: Drawing) -> tuple[float, list[str]]:
-    """Metres in a unit of the file: as stated where the pieces are then of a garment's size, else as that shows."""
-    extents = [
-        float(np.ptp(np.concatenate(drawn.lines.get(CUT) or drawn.lines[SEW]), axis=0).max())
-        for drawn in drawing.pieces
-    ]
-    extent = max(extents)
-    said = " ".join((drawing.stated.get("units", ""), *(drawn.texts.get("units", "") for drawn in drawing.pieces)))
-    said = said.strip().lower()
-    code = CODES.get(drawing.unit_code)
-    stated: list[float] = []
-    if re.search(r"english|imperial|inch|\bin\b", said):
-        stated = [INCH]
-    elif re.search(r"\bmm\b|millimet", said):
-        stated = [1e-3]
-    elif re.search(r"\bcm\b|centimet", said):
-        stated = [1e-2]
-    elif "metric" in said:
-        stated = [1e-3, *([code] if code in (1e-2, 1.0) else []), 1e-2]
-    stated += [code] if code is not None else []
-    for metres in stated:
-        if LIKELY[0] <= extent * metres <= LIKELY[1]:
-            return metres, []
-    guess = next((m for m in (1e-3, 1e-2, INCH, 1.0) if LIKELY[0] <= extent * m <= LIKELY[1]), None)
-    if guess is None:
-        across = f"{extent:.4g} units"
-        raise InputError(file, f"its largest piece is {across} across, which is no garment's size in any unit",
-                         "export it in millimetres")  # fmt: skip
-    names = {1e-3: "mm", 1e-2: "cm", INCH: "inch", 1.0: "m"}
-    why = "the stated unit would make no garment" if stated else "no unit is stated"
-    return guess, [f"{why}: {names[guess]} assumed, as its largest piece is then {extent * guess:.2f} m"]
-
-
-def _piece(file: str, drawn: Drawn, metres: float, allowance: float) -> Piece:
+def _piece(
+    file: str, drawn: Drawn, loop: _Loop, copies: tuple[int, int] | None, sample: Drawn, there: _Loop, metres: float
+) -> Piece:
+    """A piece; ``sample``, with its loop, has the marks, where it has none itself."""
     name, size = _named(drawn)
     place = f'{file}: piece "{short(name)}"'
-    notes: list[str] = []
-    loop = _outline(place, drawn, metres, allowance, notes)
-    marks = {layer: metres * np.array(points) for layer, points in drawn.points.items() if points}
+    notes = list(loop.notes)
+    marks = marks_of(drawn, metres)
+    if sample is not drawn:
+        marks = carried(marks_of(sample, metres), there.points, loop.points) | marks
     lines = {layer: [metres * line for line in found] for layer, found in drawn.lines.items()}
-    if CUT_OUT in lines:
-        raise InputError(place, "has a cut-out (layer 11), and panels with holes are not meshed",
-                         "cut the piece through the hole, or remove it")  # fmt: skip
-    corners = _corners(loop, marks)
-    edges = _edges(loop, corners)
+    edges = _edges(loop.points, corners_of(loop.points, marks, loop.ends))
     if len(edges) > MOST_EDGES:
         raise InputError(place, f"has {len(edges):,} corners; an outline has up to {MOST_EDGES:,}", "smooth it")
-    notches = np.concatenate(
-        [marks.get(NOTCH, np.zeros((0, 2))), *(line.mean(axis=0)[None] for line in lines.get(NOTCH, []))]
-    )
-    notches = _on_outline(notches, loop)
     grain = _grain(lines, notes)
     edges = [edge.turned(grain, np.zeros(2)) for edge in edges]
-    notches = notches @ grain.T
+    notches = notches_of(loop.points, marks) @ grain.T
+    cut_out = _holes(loop.points, lines.get(CUT_OUT, []), loop.inner, notes)
+    holes = [[edge.turned(grain, np.zeros(2)) for edge in _edges(h, corners_of(h, {}, NO_POINTS))] for h in cut_out]
     inner = tuple(line @ grain.T for layer in (INTERNAL, FOLD) for line in lines.get(layer, []))
-    edges, notches, mirror = _unfolded(edges, notches, [line @ grain.T for line in lines.get(FOLD, [])], notes)
-    if mirror is None:
+    mirror: tuple[int, ...] | None
+    fold = _fold_of(edges, [line @ grain.T for line in lines.get(FOLD, [])])
+    if fold is not None:
+        start, along, flat = fold
+        matrix = 2.0 * np.outer(along, along) - np.eye(2)
+        shift = start - matrix @ start
+        edges, mirror = _unfolded(edges, flat, start, along)
+        notches = np.concatenate([notches, notches @ matrix.T + shift])
+        holes += [[edge.turned(matrix, shift).reversed for edge in hole[::-1]] for hole in holes]
+        notes.append("is a half: mirrored at its fold line")
+    else:
         edges, mirror = _halved(edges)
     told = tuple(f'piece "{short(name)}": {note}' for note in notes)
-    return Piece(name, size, _copies(drawn), tuple(edges), mirror, notches, inner, told)
+    return Piece(name, size, copies, tuple(edges), mirror, notches, inner, tuple(map(tuple, holes)), told, Named())
 
 
 def _named(drawn: Drawn) -> tuple[str, str]:
-    name = drawn.texts.get("piece name") or drawn.texts.get("piece") or drawn.texts.get("name") or drawn.block
-    return _plain(name) or "piece", _plain(drawn.texts.get("size", ""))
+    name = drawn.said("piecename", "partname", "piece", "part", "name") or drawn.block
+    return _plain(name) or "piece", _plain(drawn.said("size", "sizename"))
 
 
 def _plain(text: str) -> str:
     return re.sub(r"\s+", " ", "".join(c if c.isprintable() else " " for c in text)).strip()[:100]
 
 
-def _copies(drawn: Drawn) -> tuple[int, int] | None:
+def _copies(texts: dict[str, str]) -> tuple[int, int] | None:
     """How many are cut as drawn, and mirrored: "2" means a pair, "1,1" says so."""
-    text = drawn.texts.get("quantity") or drawn.texts.get("qty") or ""
+    text = texts.get("quantity") or texts.get("qty") or texts.get("pieces") or ""
     numbers = [min(int(each), 99) for each in re.findall(r"\d{1,4}", text)[:2]]
     if not numbers or not any(numbers):
         return None
@@ -158,66 +136,76 @@ def _copies(drawn: Drawn) -> tuple[int, int] | None:
     return (numbers[0] + 1) // 2, numbers[0] // 2
 
 
-def _outline(place: str, drawn: Drawn, metres: float, allowance: float, notes: list[str]) -> Floats:
-    """The line to sew along, as a loop [m]: the sew line, or the cut line without the stated allowance."""
-    loops = {}
+@dataclass(frozen=True, eq=False)
+class _Loop:
+    """The line to sew along [m], the ends of the lines that draw it, and loops of the cut line within it."""
+
+    points: Floats  # counter-clockwise, shape [n, 2]
+    ends: Floats
+    inner: list[Floats]
+    notes: tuple[str, ...]
+
+
+def _outline(file: str, drawn: Drawn, metres: float, allowance: float) -> _Loop:
+    """The sew line, or the cut line without the stated allowance."""
+    place, notes = f'{file}: piece "{short(_named(drawn)[0])}"', []
+    loops, within = {}, []
     for layer in (CUT, SEW):
         found = drawn.lines.get(layer, [])
-        closed = [metres * loop for loop in chained(found)]
-        closed = [cleaned(loop, NO_LENGTH) for loop in closed]
-        closed = [loop for loop in closed if len(loop) > 2]
+        closed = _closed(found, metres)
+        if layer == SEW and not closed and found:  # not drawn along the fold
+            closed = _closed([*found, *drawn.lines.get(FOLD, [])], metres)
         if closed:
             loops[layer] = max(closed, key=lambda loop: abs(area_of(loop)))
             gap = gap_of([metres * line for line in found], loops[layer])
-            if gap > OPEN_GAP:
+            if gap > OPEN_GAP and layer == CUT:
                 notes.append(f"its outline was open by {1e3 * gap:.0f} mm: closed")
-            if len(closed) > 1 and layer == CUT:
-                notes.append(f"has {len(closed)} closed cut lines: the largest is its outline")
+            if layer == CUT:
+                half = 0.5 * area_of(loops[CUT])
+                within = [loop for loop in closed if loop is not loops[CUT] and area_of(loop) < half]
     sewn = SEW in loops and (CUT not in loops or area_of(loops[SEW]) > 0.5 * area_of(loops[CUT]))
     if not loops:
         raise InputError(place, "its outline is not closed", "close the line on layer 1 (the cut line)")
     if SEW in drawn.lines and not sewn:
         notes.append("its sew line does not go round it: the cut line is used")
     loop = loops[SEW] if sewn else loops[CUT]
+    ends = [metres * line[[0, -1]] for line in drawn.lines[SEW if sewn else CUT]]
     if not sewn and allowance > 0.0:
         inner = cleaned(inset(loop, allowance), NO_LENGTH)
         if len(inner) < 3 or not 0.0 < area_of(inset(loop, allowance)) < area_of(loop):
             raise InputError(place, f"is too narrow for a seam allowance of {1e3 * allowance:g} mm", "make it smaller")
-        loop = inner
+        loop, ends = inner, []
     extent = float(np.ptp(loop, axis=0).max())
     if not SMALLEST <= extent <= LARGEST:
         raise InputError(place, f"is {1e3 * extent:.4g} mm across, which no piece is", "check the unit of the file")
     if area_of(loop) < 1e-4 * extent**2:
         raise InputError(place, "its outline has no area", "correct it")
-    return loop
+    if not 1 < len(ends) < 0.25 * len(loop):  # each side is a line of its own, or all are one
+        ends = []
+    return _Loop(loop, np.concatenate(ends) if ends else NO_POINTS, within, tuple(notes))
 
 
-def _corners(loop: Floats, marks: dict[int, Floats]) -> list[int]:
-    """Points of a loop at which its edges end."""
-    turn = np.abs(turns_of(loop))
-    curved = _marked(loop, marks.get(CURVE))
-    stated = _marked(loop, marks.get(TURN))
-    if stated.sum() > max(12, 0.5 * len(loop)) and not curved.any():
-        stated[:] = False  # all points are marked alike
-    corner = stated | (turn > np.where(curved, MARKED_CORNER, CORNER))
-    found = np.flatnonzero(corner).tolist()
-    if len(found) < 2:  # a disc, or a drop: parted where it turns most, and opposite
-        first = found[0] if found else int(turn.argmax())
-        reach = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(np.roll(loop, -first, axis=0), axis=0).T))])
-        half = int(np.abs(reach - 0.5 * reach[-1]).argmin())
-        found = sorted({first, (first + max(1, half)) % len(loop)})
+def _closed(lines: Sequence[Floats], metres: float) -> list[Floats]:
+    """Loops that lines draw [m]."""
+    loops = [cleaned(metres * loop, NO_LENGTH) for loop in chained(lines)]
+    return [loop for loop in loops if len(loop) > 2]
+
+
+def _holes(outline: Floats, lines: Sequence[Floats], loops: Sequence[Floats], notes: list[str]) -> list[Floats]:
+    """What is cut out of a piece, of lines and loops: loops counter-clockwise."""
+    found: list[Floats] = []
+    drawn = _closed(lines, 1.0)
+    for loop in (*drawn, *loops):
+        across = float(np.ptp(loop, axis=0).max())
+        if across < SMALL_HOLE or area_of(loop) < 0.1 * SMALL_HOLE**2:
+            notes.append(f"a cut-out of {1e3 * across:.0f} mm is left closed")
+        elif not inside(outline, loop).all() or any(inside(hole, loop).any() for hole in found):
+            notes.append(f"a cut-out of {1e3 * across:.0f} mm does not lie within it: left closed")
+        else:
+            found.append(loop)
+    if lines and not drawn:
+        notes.append("its cut-outs are open lines: left closed")
     return found
-
-
-def _marked(loop: Floats, marks: Floats | None) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Which points of a loop have a mark on them."""
-    marked = np.zeros(len(loop), dtype=bool)
-    if marks is not None and len(marks):
-        from scipy.spatial import cKDTree
-
-        apart, nearest = cKDTree(loop).query(marks)
-        marked[nearest[apart <= NEAR]] = True
-    return marked
 
 
 def _edges(loop: Floats, corners: Sequence[int]) -> list[Chain]:
@@ -227,22 +215,6 @@ def _edges(loop: Floats, corners: Sequence[int]) -> list[Chain]:
         points = loop[np.arange(start, end + 1) % len(loop)]
         edges.append(Chain(smoothed(points, SMOOTH)))
     return edges
-
-
-def _on_outline(points: Floats, loop: Floats) -> Floats:
-    """The nearest points of a loop, for those that are near it, shape [M, 2]."""
-    if not len(points):
-        return np.zeros((0, 2))
-    start, along = loop, np.roll(loop, -1, axis=0) - loop
-    square = np.maximum((along**2).sum(axis=1), 1e-300)
-    found = []
-    for point in points:
-        share = np.clip(((point - start) * along).sum(axis=1) / square, 0.0, 1.0)
-        spots = start + share[:, None] * along
-        apart = np.hypot(*(spots - point).T)
-        if apart.min() <= NOTCH_REACH:
-            found.append(spots[int(apart.argmin())])
-    return np.array(found).reshape(-1, 2)
 
 
 def _grain(lines: dict[int, list[Floats]], notes: list[str]) -> Floats:
@@ -257,10 +229,8 @@ def _grain(lines: dict[int, list[Floats]], notes: list[str]) -> Floats:
     return np.array([[y, -x], [x, y]])
 
 
-def _unfolded(
-    edges: list[Chain], notches: Floats, folds: Sequence[Floats], notes: list[str]
-) -> tuple[list[Chain], Floats, tuple[int, ...] | None]:
-    """The whole piece of one that is cut on the fold; as it is where no fold line is an edge of it."""
+def _fold_of(edges: Sequence[Chain], folds: Sequence[Floats]) -> tuple[Floats, Floats, list[bool]] | None:
+    """The fold line that is an edge of a piece: a point, its direction, and which edges lie on it."""
     outline = np.concatenate([edge.points for edge in edges])
     for fold in folds:
         start, along = fold[0], fold[-1] - fold[0]
@@ -272,19 +242,22 @@ def _unfolded(
         if aside.min() < -FOLD_NEAR and aside.max() > FOLD_NEAR:
             continue  # inside: where the whole piece is folded
         flat = [_off(edge, start, along) <= FOLD_NEAR for edge in edges]
-        if not any(flat) or all(flat):
-            continue
-        first = next(k for k in range(len(edges)) if flat[k - 1] and not flat[k])
-        order = [(first + k) % len(edges) for k in range(len(edges))]
-        kept = [edges[k] for k in order if not flat[k]]
-        matrix = 2.0 * np.outer(along, along) - np.eye(2)
-        shift = start - matrix @ start
-        kept = _onto(kept, start, along)
-        other = [edge.turned(matrix, shift).reversed for edge in kept[::-1]]
-        notes.append("is a half: mirrored at its fold line")
-        both = [*kept, *other]
-        return both, np.concatenate([notches, notches @ matrix.T + shift]), tuple(range(len(both)))[::-1]
-    return edges, notches, None
+        if any(flat) and not all(flat):
+            return start, along, flat
+    return None
+
+
+def _unfolded(
+    edges: Sequence[Chain], flat: Sequence[bool], start: Floats, along: Floats
+) -> tuple[list[Chain], tuple[int, ...]]:
+    """The whole piece of one that is cut on the fold."""
+    first = next(k for k in range(len(edges)) if flat[k - 1] and not flat[k])
+    order = [(first + k) % len(edges) for k in range(len(edges))]
+    kept = _onto([edges[k] for k in order if not flat[k]], start, along)
+    matrix = 2.0 * np.outer(along, along) - np.eye(2)
+    shift = start - matrix @ start
+    both = [*kept, *(edge.turned(matrix, shift).reversed for edge in kept[::-1])]
+    return both, tuple(range(len(both)))[::-1]
 
 
 def _off(edge: Chain, start: Floats, along: Floats) -> float:

@@ -150,7 +150,7 @@ class GarmentSpec(Wearable):
         description=f"Edge length of a pattern's mesh [mm]; by default {PATTERN_EDGE_MM:g}, as GarmentCode's own.",
     )
     size: str | None = Field(
-        default=None, min_length=1, max_length=40, description="Size of a DXF pattern; by default the middle one."
+        default=None, min_length=1, max_length=40, description="Size of a DXF pattern; by default the sample's."
     )
     seam_allowance_mm: Real | None = Field(
         default=None,

@@ -28,9 +28,10 @@ from scipy.spatial import cKDTree
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.pattern import load_pattern
+from warp_cloth.pattern.garmentcode import read_specification
 from warp_cloth.pattern.mesher import angles_of
 from warp_cloth.pattern.sewing import seams_of
-from warp_cloth.pattern.specification import Pattern, read_specification
+from warp_cloth.pattern.specification import Pattern
 
 SMALL, SHARP, NEAR = 25.0, 30.0, 0.06  # [degrees, degrees, m]
 SAME_PLACE = 2e-4  # [m] between a corner and the box mesh's vertex; OBJ files round to 0.1 um

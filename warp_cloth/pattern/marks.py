@@ -1,0 +1,90 @@
+"""What is marked along a piece's outline: the corners at which its edges end, and notches."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.dxf import CURVE, NOTCH, TURN, Drawn
+from warp_cloth.pattern.loops import turns_of
+
+CORNER = np.radians(35.0)  # turn that makes a corner where turn points do not state them
+MARKED_CORNER = np.radians(60.0)  # and where the file calls the point one of a curve
+NEAR = 1.5e-3  # [m] from a mark to the outline that it belongs to
+NOTCH_REACH = 0.03  # [m]: notches are on the cut line, and outlines may be sew lines
+NO_POINTS = np.zeros((0, 2))
+
+Marks = dict[int, Floats]  # points by layer [m], shape [N, 2]
+
+
+def marks_of(drawn: Drawn, metres: float) -> Marks:
+    """The marks of a piece as drawn; notches that are lines at their middles."""
+    marks = {layer: metres * np.array(points) for layer, points in drawn.points.items() if points}
+    lines = [metres * line.mean(axis=0)[None] for line in drawn.lines.get(NOTCH, [])]
+    if lines:
+        marks[NOTCH] = np.concatenate([marks.get(NOTCH, NO_POINTS), *lines])
+    return {layer: marks[layer] for layer in (TURN, CURVE, NOTCH) if layer in marks}
+
+
+def carried(marks: Marks, there: Floats, here: Floats) -> Marks:
+    """The marks of a loop on the same loop in another size, which has as many points."""
+    found = {}
+    for layer, points in marks.items():
+        apart, side, share = _nearest(points, there)
+        near = apart <= (NOTCH_REACH if layer == NOTCH else NEAR)
+        start, end = here[side[near]], here[(side[near] + 1) % len(here)]
+        found[layer] = start + share[near, None] * (end - start)
+    return found
+
+
+def corners_of(loop: Floats, marks: Marks, ends: Floats) -> list[int]:
+    """Points of a loop at which its edges end; ``ends``: where the lines that draw it do, shape [N, 2]."""
+    turn = np.abs(turns_of(loop))
+    curved = _marked(loop, marks.get(CURVE, NO_POINTS))
+    stated = _marked(loop, marks.get(TURN, ends))
+    if stated.sum() > max(12, 0.5 * len(loop)) and not curved.any():
+        stated[:] = False  # all points are marked alike
+    corner = stated | (turn > np.where(curved, MARKED_CORNER, CORNER))
+    found = np.flatnonzero(corner).tolist()
+    if len(found) < 2:  # a disc, or a drop: parted where it turns most, and opposite
+        first = found[0] if found else int(turn.argmax())
+        reach = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(np.roll(loop, -first, axis=0), axis=0).T))])
+        half = int(np.abs(reach - 0.5 * reach[-1]).argmin())
+        found = sorted({first, (first + max(1, half)) % len(loop)})
+    return found
+
+
+def notches_of(loop: Floats, marks: Marks) -> Floats:
+    """Notches on the loop that they are near, shape [N, 2]."""
+    points = marks.get(NOTCH, NO_POINTS)
+    if not len(points):
+        return NO_POINTS
+    apart, side, share = _nearest(points, loop)
+    near = apart <= NOTCH_REACH
+    start, end = loop[side[near]], loop[(side[near] + 1) % len(loop)]
+    return np.asarray(start + share[near, None] * (end - start))
+
+
+def _marked(loop: Floats, marks: Floats) -> NDArray[np.bool_]:
+    """Which points of a loop have a mark on them."""
+    marked = np.zeros(len(loop), dtype=bool)
+    if len(marks):
+        from scipy.spatial import cKDTree
+
+        apart, nearest = cKDTree(loop).query(marks)
+        marked[nearest[apart <= NEAR]] = True
+    return marked
+
+
+def _nearest(points: Floats, loop: Floats) -> tuple[Floats, NDArray[np.int64], Floats]:
+    """How far points are from a loop [m], the side that is nearest, and how far along it; shape [N] each."""
+    along = np.roll(loop, -1, axis=0) - loop
+    square = np.maximum((along**2).sum(axis=1), 1e-300)
+    apart, side, at = np.empty(len(points)), np.zeros(len(points), dtype=np.int64), np.empty(len(points))
+    for k, point in enumerate(points):
+        share = np.clip(((point - loop) * along).sum(axis=1) / square, 0.0, 1.0)
+        away = np.hypot(*(loop + share[:, None] * along - point).T)
+        side[k] = int(away.argmin())
+        apart[k], at[k] = away[side[k]], share[side[k]]
+    return apart, side, at

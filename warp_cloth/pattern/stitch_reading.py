@@ -1,0 +1,138 @@
+"""The stitches of a GarmentCode specification, as single edges that are sewn together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NoReturn, Protocol
+
+from warp_cloth.pattern.specification import MOST_STITCHES, Panel, Side, Stitch, short
+
+WRONG_SIDE = "right_wrong"
+IN_HOLE = -1  # instead of an edge's place: it is of a hole
+
+
+class Refusing(Protocol):
+    """What reads a file: it refuses, and collects notes."""
+
+    notes: list[str]
+
+    def refuse(self, place: str, problem: str, remedy: str = ...) -> NoReturn: ...
+
+
+def labels_of(panel: Mapping[str, Any]) -> dict[str, list[int]]:
+    """The edges of a panel that have a label, by that."""
+    found: dict[str, list[int]] = {}
+    for number, edge in enumerate(panel["edges"]):
+        label = edge.get("label") if isinstance(edge, Mapping) else None
+        if isinstance(label, str) and label:
+            found.setdefault(label, []).append(number)
+    return found
+
+
+class StitchReader:
+    """Reads stitches of panels that are read; ``places``: of each edge of the file, None where it was dropped."""
+
+    def __init__(
+        self,
+        reader: Refusing,
+        panels: list[Panel],
+        places: list[list[int | None]],
+        labels: list[dict[str, list[int]]],
+    ) -> None:
+        self.refuse = reader.refuse
+        self.notes = reader.notes
+        self.named = {panel.name: index for index, panel in enumerate(panels)}
+        self.places = places
+        self.labels = labels
+
+    def stitches(self, listed: Any) -> tuple[Stitch, ...]:
+        """The stitches that a file lists, as single edges."""
+        listed = list(listed.values()) if isinstance(listed, Mapping) else [] if listed is None else listed
+        if not isinstance(listed, list):
+            self.refuse("pattern.stitches", "is not a list")
+        if len(listed) > MOST_STITCHES:
+            self.refuse("pattern.stitches", f"{len(listed):,} stitches are more than {MOST_STITCHES:,}")
+        stitches: dict[frozenset[Side], Stitch] = {}
+        for number, stitch in enumerate(listed):
+            place = f"stitch {number}"
+            stated_sides, stated = self._stated(stitch, place)
+            for pair_of_sides in self._paired(stated_sides, place):
+                present = [side for side in pair_of_sides if isinstance(side, Side)]
+                if len(present) == 1:
+                    gone = next(str(side) for side in pair_of_sides if not isinstance(side, Side))
+                    self.refuse(
+                        place, f"sews {gone}, which has no length, to an edge that has one", "remove the stitch"
+                    )
+                pair = frozenset(present)
+                if pair in stitches:
+                    self.notes.append(f"{place} sews the same edges as stitch {stitches[pair].number}: dropped")
+                elif present:
+                    stitches[pair] = Stitch(number, (present[0], present[1]), stated)
+        return tuple(stitches.values())
+
+    def _stated(self, stitch: Any, place: str) -> tuple[list[Any], bool | None]:
+        """The two sides of a stitch, and whether right is sewn to wrong; None: not stated."""
+        entries = list(stitch.values()) if isinstance(stitch, Mapping) else stitch
+        if not isinstance(entries, list):
+            self.refuse(place, "is not a pair of edges")
+        if len(entries) == 1 and isinstance(entries[0], list):
+            entries = entries[0]
+        sides = [
+            entry for entry in entries if isinstance(entry, list) or (isinstance(entry, Mapping) and "panel" in entry)
+        ]
+        rest = [entry for entry in entries if not any(entry is side for side in sides)]
+        if len(sides) != 2 or len(rest) > 2:
+            self.refuse(place, "is not a pair of edges")
+        stated: bool | None = None
+        for entry in rest:
+            flags = entry if isinstance(entry, Mapping) else {WRONG_SIDE: entry}
+            for key, value in flags.items():
+                if value is not None and not isinstance(value, str | bool):
+                    self.refuse(place, "its third entry is not a text", f'it states "{WRONG_SIDE}", or nothing')
+                if key == WRONG_SIDE and value is not None:
+                    stated = value if isinstance(value, bool) else value == WRONG_SIDE
+        return sides, stated
+
+    def _paired(self, stated: list[Any], place: str) -> list[tuple[Side | str, Side | str]]:
+        """The single edges that a stitch sews together; a side may name several edges of its panel."""
+        one, other = (self._sides(side, place) for side in stated)
+        if len(one) == len(other):
+            return list(zip(one, other, strict=True))
+        if 1 not in (len(one), len(other)):
+            self.refuse(place, f"sews {len(one)} edges to {len(other)}", "name as many edges on either side, or one")
+        return [(a, b) for a in one for b in other]
+
+    def _sides(self, side: Any, place: str) -> list[Side | str]:
+        """The edges that a side of a stitch names; the names of those that were dropped."""
+        if isinstance(side, list) and len(side) == 2:
+            side = {"panel": side[0], "edge": side[1]}
+        name, edges = (
+            (side.get("panel"), side.get("edge", side.get("edges"))) if isinstance(side, Mapping) else (None, None)
+        )
+        if not isinstance(name, str):
+            self.refuse(place, 'a side is not {"panel": NAME, "edge": NUMBER}')
+        if name not in self.named:
+            self.refuse(place, f'panel "{short(name)}" is not in the pattern', "add the panel, or remove the stitch")
+        panel = self.named[name]
+        numbers: list[int] = []
+        for edge in edges if isinstance(edges, list) else [edges]:
+            edge = int(edge) if isinstance(edge, str) and edge.isdecimal() and len(edge) < 6 else edge
+            edge = int(edge) if type(edge) is float and edge.is_integer() else edge
+            if isinstance(edge, str) and edge in self.labels[panel]:
+                numbers += self.labels[panel][edge]
+            elif type(edge) is int:
+                numbers.append(edge)
+            else:
+                self.refuse(place, 'a side is not {"panel": NAME, "edge": NUMBER}')
+        return [self._side(name, number, place) for number in numbers]
+
+    def _side(self, name: str, number: int, place: str) -> Side | str:
+        panel = self.named[name]
+        places = self.places[panel]
+        if not 0 <= number < len(places):
+            problem = f'panel "{short(name)}" has no edge {short(str(number))}; its edges are 0 to {len(places) - 1}'
+            self.refuse(place, problem, "correct the stitch, or remove it")
+        edge = places[number]
+        if edge == IN_HOLE:
+            self.refuse(place, f'sews panel "{short(name)}", edge {number}, the rim of a hole', "remove the stitch")
+        return f'panel "{short(name)}", edge {number}' if edge is None else Side(panel, edge)
