@@ -11,11 +11,11 @@ SceneName = Annotated[
 ]
 On = Annotated[
     str | None,
-    typer.Option(metavar="BODY", help="Body's mesh file, or mannequin: fits a garment's mesh without a scene file."),
+    typer.Option(metavar="BODY", help="What wears the garments: a body's mesh file, or mannequin; in place of the scene's avatar."),
 ]
 FabricName = Annotated[
     str | None,
-    typer.Option(metavar="FABRIC", help="With --on: a name (see `warp-cloth scenes`) or a .toml file."),
+    typer.Option(metavar="FABRIC", help="Of all garments: a name (see `warp-cloth scenes`) or a .toml file."),
 ]
 Device = Annotated[str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")]
 Changes = Annotated[

@@ -143,9 +143,10 @@ def fit(
 
     Args:
         scene: the name of a shipped scene, a scene file (TOML), a USD stage, a dict with the keys of a scene file, or
-            the result of ``load_scene``; or, with ``on``, a garment's mesh file.
-        on: the body's mesh file, or "mannequin": ``fit("shirt.obj", on="body.obj", fabric="jersey")`` needs no scene.
-        fabric: of that garment: a shipped name, a .toml file, a table or a ``Fabric``.
+            the result of ``load_scene``; or, with ``on``, a garment's mesh or pattern.
+        on: a body's mesh file, or "mannequin", in place of the scene's avatar; ``fit("shirt.obj", on="body.obj",
+            fabric="jersey")`` needs no scene.
+        fabric: of all garments: a shipped name, a .toml file, a table or a ``Fabric``.
         device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
         overrides: changes to the scene, each ``"KEY=VALUE"``, or a dict: ``{"garment.fabric": "denim"}``; not for a
             scene that is loaded already.
