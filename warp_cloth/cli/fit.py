@@ -22,7 +22,7 @@ from warp_cloth.base.collector import what_stays
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.first_run import FIRST_RUN, is_first_run
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.cli.options import Changes, Device, FabricName, On
+from warp_cloth.cli.options import Changes, Device, FabricName, Maps, On
 from warp_cloth.cli.terminal import BAD_INPUT, one_line_errors, output_folder
 
 if TYPE_CHECKING:
@@ -50,10 +50,7 @@ def fit(
     frames: Annotated[
         int, typer.Option(help="Number of intermediate shapes to store as time samples of the stage.")
     ] = 0,
-    maps: Annotated[
-        str,
-        typer.Option(help="Fit maps, separated by commas: strain, pressure, gap, a single one (strain_warp), or all."),
-    ] = "",
+    maps: Maps = "",
     colour: Annotated[str, typer.Option(help="The map that colours the garments in the stage.")] = "",
     formats: Annotated[
         str, typer.Option("--format", help="File formats, separated by commas: usdc, usda, usdz, glb, obj, pc2.")
@@ -103,7 +100,7 @@ def fit(
                 export.wait()
                 clock.lap("import")
                 clock.add_to(worn.report.setdefault("seconds", {}))
-                worn.report["made"] = {"command": shlex.join(["warp-cloth", *sys.argv[1:]]), "date": _now()}
+                worn.report["made"] = _made()
                 display.begin("export")
                 paths = worn.save(out, colour=colour_map, formats=suffixes)
     for line in summary(chosen.name, worn.report, paths):
@@ -132,9 +129,10 @@ class _Meanwhile:
         import_module(self._module)  # which raises what went wrong there
 
 
-def _now() -> str:
-    """Date and time here, as a report states it."""
-    return datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z")
+def _made() -> dict[str, str]:
+    """The command that was typed, and date and time here, as reports state them."""
+    date = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z")
+    return {"command": shlex.join(["warp-cloth", *sys.argv[1:]]), "date": date}
 
 
 def _display() -> ProgressDisplay:
@@ -274,11 +272,17 @@ def batch(
 
 def sizes(
     scene: Annotated[
-        str, typer.Argument(help="Scene file (TOML), or the name of a shipped scene; its avatar is the customer.")
+        str,
+        typer.Argument(
+            help="Scene file (TOML), or the name of a shipped scene; its avatar is the customer. With --on, a "
+            "garment's mesh or pattern, such as 'shirt_{size}.obj'."
+        ),
     ],
+    on: On = None,
+    fabric: FabricName = None,
     size: Annotated[
         list[str] | None,
-        typer.Option(help="A size; repeat it for every size, smallest first.", show_default="S, M, L of the T-shirt"),
+        typer.Option(help="Sizes, smallest first: S,M,L, or one each time.", show_default="S, M, L of the T-shirt"),
     ] = None,
     changes: Annotated[
         list[str] | None,
@@ -287,18 +291,19 @@ def sizes(
         ),
     ] = None,
     ease: Annotated[float, typer.Option(help="Desired ease at chest, waist and hip, in cm.")] = 4.0,
+    maps: Maps = "",
     device: Device = None,
     out: Annotated[
-        Path, typer.Option(help="Output folder, for sizes.html, sizes.json and the stage of each size.")
+        Path, typer.Option(help="Output folder, for sizes.html, sizes.png, sizes.json and a folder for each size.")
     ] = Path("out"),
 ) -> None:
     """Fit every size of a garment on one body, and recommend one.
 
     \b
     warp-cloth sizes tshirt --set avatar.shape.chest=1.02 --ease 4
-    warp-cloth sizes scene.toml --size S --size M --set 'garment.mesh=shirt_{size}.obj'
+    warp-cloth sizes 'shirt_{size}.obj' --on body.obj --size S,M,L
     """
-    with one_line_errors(), output_folder(out, "sizes"):
+    with one_line_errors("on", "fabric", "maps"), output_folder(out, "sizes"):
         if not -LARGEST_EASE <= ease <= LARGEST_EASE:
             raise InputError("--ease", f"must be a length in cm, not {ease:g}", f"use at most {LARGEST_EASE:g}")
         from warp_cloth.batch.sizes import fit_sizes
@@ -306,15 +311,18 @@ def sizes(
         start_warp()
         run = fit_sizes(
             scene,
-            size or (),
+            [name.strip() for text in size or () for name in text.split(",") if name.strip()],
+            on=on,
+            fabric=fabric,
             overrides=changes or (),
             ease=ease / 100,
+            maps=maps,
             device=device,
             progress=lambda name: typer.echo(f"fitting {name}", err=True),
         )
-        paths = run.save(out)
+        paths = run.save(out, made=_made())
     for each in run.sizes:
-        typer.echo(f"{each.size:<4} {each.status.replace('_', ' '):<16} {each.figures}")
+        typer.echo(f"{each.size:<4} {each.verdict.words:<16} {each.figures}")
     typer.echo(run.advice)
     typer.echo(f"  wrote        {', '.join(str(path) for path in paths)}")
     if all(each.status == "invalid" for each in run.sizes):

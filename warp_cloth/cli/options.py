@@ -11,7 +11,10 @@ SceneName = Annotated[
 ]
 On = Annotated[
     str | None,
-    typer.Option(metavar="BODY", help="What wears the garments: a body's mesh file, or mannequin; in place of the scene's avatar."),
+    typer.Option(
+        metavar="BODY",
+        help="What wears the garments: a body's mesh file, or mannequin; in place of the scene's avatar.",
+    ),
 ]
 FabricName = Annotated[
     str | None,
@@ -23,4 +26,7 @@ Changes = Annotated[
     typer.Option(
         "--set", metavar="KEY=VALUE", help="Override a scene key, such as garment.fabric=denim. May be repeated."
     ),
+]
+Maps = Annotated[
+    str, typer.Option(help="Fit maps, separated by commas: strain, pressure, gap, a single one (strain_warp), or all.")
 ]
