@@ -56,6 +56,8 @@ def test_a_size_that_slides_down_is_not_taken_and_one_still_moving_is_told_of() 
     assert taken == "M"
     assert reason.startswith("it is the largest size that stays up, though too tight: 1.0 cm")
     assert reason.endswith("did not come to rest, so its ease may still change.")
+    _, reason = recommendation([replace(sized("M", 0.05), worn=False)], 0.04)
+    assert reason.endswith("It is not worn as it should be: its report says why.")
     assert recommendation([lost], 0.04) == (
         None,
         "No size stays up on this body: each falls off, or slides down to the feet.",

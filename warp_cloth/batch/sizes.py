@@ -62,6 +62,7 @@ class SizeFit:
     strain_p99: float | None
     fit: Fit | None
     held: bool = True  # false: it falls, or slides down to the feet
+    worn: bool = True
 
     @property
     def ease(self) -> float | None:
@@ -276,7 +277,7 @@ def measured_size(size: str, worn: Fit) -> SizeFit:
     """A size as it is worn, with what a recommendation needs."""
     levels = _levels(worn) if worn.avatar is not None and worn.status is not Status.DIVERGED else {}
     strain, held = worn.report["strain"], not any(problem.code in UNHELD for problem in worn.problems)
-    return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn, held)
+    return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn, held, worn.worn)
 
 
 def _levels(worn: Fit) -> dict[str, LevelFit]:
@@ -318,8 +319,10 @@ def recommendation(sizes: Sequence[SizeFit], wanted: float) -> tuple[str | None,
 
 
 def _unsure(each: SizeFit) -> str:
-    """A caution where the garment was still moving when it was measured."""
-    return "" if each.status == Status.AT_REST.value else " It did not come to rest, so its ease may still change."
+    """A caution where the garment was still moving when it was measured, or has problems."""
+    if each.status != Status.AT_REST.value:
+        return " It did not come to rest, so its ease may still change."
+    return "" if each.worn else " It is not worn as it should be: its report says why."
 
 
 def _too_tight(each: SizeFit, wanted: float) -> str:

@@ -12,7 +12,7 @@ from warp_cloth.export.render import build_subject
 from warp_cloth.model.result import FitResult
 from warp_cloth.report.shown import shown_ease, shown_verdict
 
-COLUMN = (440, 760)  # width and height of a size [px]
+COLUMN = (440, 700)  # width and height of a size [px]
 LEFT = 14  # of the words of a size [px]
 MOST_LINES = 3  # of the title
 
@@ -43,7 +43,7 @@ def _column(size: str, fit: FitResult, is_recommended: bool) -> Image.Image:
     head = Head(f"{size}, recommended" if is_recommended else size, shown_verdict(fit.report), ease, "")
     height = text_height(COLUMN)
     subject = build_subject(fit.garments, fit.avatar, fit.device)
-    layout = arrange_windows(subject.extent, COLUMN, 1 + len(head.lines(height, COLUMN[0])), {"front": SIDES["front"]})
+    layout = arrange_windows(subject.extent, COLUMN, 1 + len(head.lines(height, COLUMN[0])), {"": SIDES["front"]})
     image = compose_picture(subject, layout, render_views(subject, layout), COLUMN, "", "")
     draw_head(image, head, height, LEFT)
     return image
