@@ -38,9 +38,7 @@ Discs = Annotated[int | None, typer.Option(help="Number of discs to drape.", sho
 Photograph = Annotated[
     Path | None, typer.Option(metavar="PHOTO...", help="Make a fabric from photographs of its drape, from above.")
 ]
-Coefficient = Annotated[
-    float | None, typer.Option(help="Make a fabric from a measured drape coefficient, in per cent.")
-]
+Coefficient = Annotated[float | None, typer.Option(help="Make a fabric from a measured drape coefficient, in %.")]
 Folds = Annotated[int | None, typer.Option(help="With --drape-coefficient: folds that were counted.")]
 Weight = Annotated[float | None, typer.Option(help="Weight of the fabric to make, in g/m2.")]
 Base = Annotated[str | None, typer.Option(help="Fabric of the same class: stretch and shear are taken from it.")]
