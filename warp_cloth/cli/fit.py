@@ -145,13 +145,14 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
     """A fit in a few lines: its message, the certificate's main figures, the files written."""
     from warp_cloth.report.notes import notes_of
     from warp_cloth.report.numbers import shown_choice
-    from warp_cloth.report.shown import ease_lines, shown_verdict
+    from warp_cloth.report.shown import ease_lines, fitted_lines, shown_verdict
 
     residual, strain = report.get("residual") or {}, report.get("strain") or {}
     yarns = {direction: strain[direction]["p99"] for direction in ("warp", "weft", "bias") if direction in strain}
     penetration, seconds = report.get("penetration_mm") or {}, report.get("seconds") or {}
     lines = [f"{name}: {shown_verdict(report).words}. {report.get('message') or report.get('status', 'unknown')}"]
-    rows = [("ease", line) for line in ease_lines(report)]
+    rows = [("fitted", line) for line in fitted_lines(report)]
+    rows += [("ease", line) for line in ease_lines(report)]
     rows += [
         ("residual", _filled("{} relative rms, {} p99", residual, "relative_rms", "relative_p99")),
         ("rest error", _filled("{} mm", report, "rest_error_mm")),
