@@ -126,6 +126,15 @@ def test_mistakes_are_one_line(folder: Path, arguments: list[str], line: str) ->
     assert not (folder / "out").exists()
 
 
+@pytest.mark.parametrize("command", ["fit", "plan", "tradeoff", "view"])
+def test_every_command_says_its_own_option(folder: Path, command: str) -> None:
+    assert refused(command, "cloth.obj").endswith("say what it is worn on: --on BODY.obj or --on mannequin")
+
+
+def test_a_mesh_is_no_pattern(folder: Path) -> None:
+    assert refused("pattern", "cloth.obj").startswith("cloth.obj: is a mesh, not a sewing pattern; fit it: warp-cloth")
+
+
 def test_overrides_may_be_a_dictionary_of_values() -> None:
     scene = load_scene("tshirt", {"garment": {"fabric": "denim"}, "garment.name": "5", "solver.iterations": 7})
     assert (scene.garments[0].fabric.name, scene.garments[0].name, scene.solver.iterations) == ("denim", "5", 7)

@@ -62,7 +62,10 @@ def pattern(
         from warp_cloth.loading.raw import counted
         from warp_cloth.scene.paths import file_stem
         from warp_cloth.scene.wearables import PATTERN_EDGE_MM
+        from warp_cloth.scene.worn_on import MESH_SUFFIXES
 
+        if file.suffix.lower() in MESH_SUFFIXES:
+            raise InputError(file, "is a mesh, not a sewing pattern", f"fit it: warp-cloth fit {file} --on BODY.obj")
         name = file_stem(file)
         with output_folder(out, f"{name}_pattern"):
             from warp_cloth.pattern import is_drafted

@@ -7,7 +7,11 @@ from typing import Annotated
 import typer
 
 SceneName = Annotated[
-    str, typer.Argument(help="Scene file (TOML), or the name of a shipped scene (see `warp-cloth scenes`).")
+    str,
+    typer.Argument(
+        help="Scene file (TOML), or the name of a shipped scene (see `warp-cloth scenes`); with --on, a garment's mesh "
+        "or pattern, too."
+    ),
 ]
 On = Annotated[
     str | None,
