@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from meshfiles import write_panels
+from pxr import Usd, UsdGeom
 
 import warp_cloth
 from warp_cloth.anatomy.openings import ARMS, LEGS
@@ -154,11 +155,33 @@ def test_a_tshirt_that_starts_behind_its_body_is_worn_all_the_same(tmp_path: Pat
     path = write_panels(tmp_path / "behind.obj", mesh.points - [0.0, 0.0, 0.25], mesh)
     assert load_mesh(path, role="garment", key="garment", prim=None, units="m").vertex_count == mesh.vertex_count
     scene = {"garment": {"mesh": str(path), "units": "m"}, "avatar": {"shape": {"kind": "mannequin"}}}
-    fit = warp_cloth.fit(scene, device="cpu")
+    fit = warp_cloth.fit(scene, device="cpu", frames=9)
     assert fit.report["attempts"][0]["start"] == "posed"
     assert fit.worn, fit.message
     assert {"key": "solver.start", "value": "posed"}.items() <= next(
         choice for choice in fit.report["choices"] if choice["key"] == "solver.start"
     ).items()
+    check_film(fit, tmp_path)
     placed = warp_cloth.fit(scene, device="cpu", overrides=["solver.start=placed"])
     assert all(attempt["start"] != "posed" for attempt in placed.report["attempts"])
+
+
+def check_film(fit: warp_cloth.Fit, folder: Path) -> None:
+    """Half of the frames show the body coming home with the garment; the last is the worn shape, the body at home."""
+    (worn,), body, moves = fit.garments, fit.avatar, fit.avatar_frames
+    assert body is not None
+    assert moves is not None
+    assert worn.frames is not None
+    assert (len(worn.frames), len(moves)) == (9, 9)
+    away = np.abs(moves - body.points).max(axis=(1, 2))
+    assert (away[:2] > 0.1).all()
+    assert (away[4:] < 1e-6).all()
+    assert np.array_equal(worn.frames[0], worn.mesh.points.astype(np.float32))
+    assert np.array_equal(worn.frames[-1], worn.points.astype(np.float32))
+    fit.save(folder / "film", formats=("usda", "pc2"))
+    assert sum(".pc2" in path.name for path in (folder / "film").iterdir()) == 2
+    stage = Usd.Stage.Open(str(folder / "film" / f"{fit.scene.name}.usda"))
+    sampled = [
+        UsdGeom.Mesh(prim).GetPointsAttr().GetNumTimeSamples() for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)
+    ]
+    assert sampled == [9, 9]

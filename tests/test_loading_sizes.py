@@ -144,6 +144,13 @@ def test_what_lies_beside_the_other_may_have_z_up(tmp_path: Path, lying: str) ->
         check_sizes([("garment", meshes["garment"])], meshes["avatar"])
 
 
+def test_a_body_in_inches_that_lies_down_is_told_both(tmp_path: Path) -> None:
+    garment, body = load(tmp_path, 0.6, low=0.8), load(tmp_path, 66.0, "avatar")
+    lying = replace(body, points=body.points[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0]))
+    with pytest.raises(InputError, match=r'likely inches: set avatar\.units = "in", and z up: set avatar\.up = "z"'):
+        check_sizes([("garment", garment)], lying)
+
+
 @pytest.mark.parametrize("units", [None, "m"])
 def test_a_vertex_far_from_all_others_is_named_instead_of_a_unit(tmp_path: Path, units: str | None) -> None:
     points, faces = sheet(count=12)

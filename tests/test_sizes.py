@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import itertools
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from meshfiles import ball, sheet, write_obj
+from PIL import Image
 from typer.testing import CliRunner
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch.sizes import LevelFit, SizeFit, fit_sizes, recommendation
 from warp_cloth.cli.main import app
+from warp_cloth.export.size_picture import COLUMN
 from warp_cloth.garment.outfit import avatar_recipe
 from warp_cloth.scene import TshirtShape, load_scene
 from warp_cloth.shapes import SIZE_BODIES, mannequin_measures
@@ -52,6 +56,8 @@ def test_a_size_that_slides_down_is_not_taken_and_one_still_moving_is_told_of() 
     assert taken == "M"
     assert reason.startswith("it is the largest size that stays up, though too tight: 1.0 cm")
     assert reason.endswith("did not come to rest, so its ease may still change.")
+    _, reason = recommendation([replace(sized("M", 0.05), worn=False)], 0.04)
+    assert reason.endswith("It is not worn as it should be: its report says why.")
     assert recommendation([lost], 0.04) == (
         None,
         "No size stays up on this body: each falls off, or slides down to the feet.",
@@ -92,14 +98,36 @@ def test_a_scene_may_say_itself_what_depends_on_the_size(tmp_path: Path) -> None
     assert names == [tmp_path / "cloth_S.obj", tmp_path / "cloth_M.obj"]
 
 
-def test_the_command_writes_the_table_and_the_stages(tmp_path: Path) -> None:
+def test_the_command_writes_a_page_a_picture_and_a_folder_for_each_size(tmp_path: Path) -> None:
     changes = [word for change in QUICK for word in ("--set", change)]
-    done = CliRunner().invoke(
-        app, ["sizes", "tshirt", "--size", "M", *changes, "--device", "cpu", "--out", str(tmp_path)]
-    )
+    few = ["--size", "s, M", "--maps", "gap", "--device", "cpu"]
+    done = CliRunner().invoke(app, ["sizes", "tshirt", *changes, *few, "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
     assert "take M: " in done.stdout
-    assert {path.name for path in tmp_path.iterdir()} == {"tshirt_M.usdc", "sizes.html", "sizes.json"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"S", "M", "sizes.html", "sizes.png", "sizes.json"}
+    assert 'href="M/report.html"' in (tmp_path / "out/sizes.html").read_text()
+    made = json.loads((tmp_path / "out/M/report.json").read_text())["made"]
+    assert set(made) == {"command", "date"}
+    with Image.open(tmp_path / "out/sizes.png") as picture:
+        assert picture.width == 2 * COLUMN[0]
+    folders = [str(tmp_path / "out" / size) for size in "SM"]
+    compared = CliRunner().invoke(app, ["compare", *folders, "--out", str(tmp_path / "larger")])
+    assert compared.exit_code == 0, compared.output
+    assert (tmp_path / "larger/gap_difference.png").is_file()
+
+
+def test_meshes_of_several_sizes_need_no_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for size, side in (("S", 0.6), ("M", 0.7)):
+        points, faces = sheet(count=5, side=side)
+        write_obj(tmp_path / f"cloth_{size}.obj", points[:, [0, 2, 1]] + [0.0, 1.3, 0.0], faces)
+    write_obj(tmp_path / "ball.obj", *ball())
+    monkeypatch.chdir(tmp_path)
+    few = ["solver.iterations=5", "collision.pixel_mm=10"]
+    run = fit_sizes("cloth_{size}.obj", ["S", "M"], on="ball.obj", fabric="silk", overrides=few, device="cpu")
+    assert run.name == "cloth"
+    scenes = [each.fit.scene for each in run.sizes if each.fit is not None]
+    assert [scene.garments[0].mesh for scene in scenes] == [Path("cloth_S.obj"), Path("cloth_M.obj")]
+    assert {scene.garments[0].fabric.name for scene in scenes} == {"silk"}
 
 
 @pytest.mark.parametrize(
@@ -109,7 +137,8 @@ def test_the_command_writes_the_table_and_the_stages(tmp_path: Path) -> None:
         ("hanging", ["S"], [], "has no avatar"),
         ("tshirt", [], ["garment.mesh=shirt_{size}.obj"], "no sizes are named"),
         ("tshirt", ["S", "XXL"], [], "size"),
-        ("tshirt", ["S", "men/S"], ["garment.mesh={size}.obj"], '"men/S" names a stage'),
+        ("tshirt", ["S", "men/S"], ["garment.mesh={size}.obj"], '"men/S" names a folder'),
+        ("shirt_{size}.obj", [], [], "no sizes are named"),
     ],
 )
 def test_what_has_no_sizes_is_refused(scene: str, sizes: list[str], overrides: list[str], told: str) -> None:

@@ -51,6 +51,22 @@ def test_the_shipped_body_needs_no_file(folder: Path) -> None:
     assert isinstance(scene.avatar.shape, MannequinShape)
 
 
+def test_a_scene_is_worn_by_another_body_in_another_fabric(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files that were typed are found from the current folder, whatever folder the scene is in."""
+    (folder / "there").mkdir()
+    (folder / "silk").touch()  # no file can stand for a shipped fabric
+    avatar = 'mesh = "thin.obj"\nunits = "cm"\nfriction = 0.3\n'
+    (folder / "there/scene.toml").write_text(f'[[garment]]\nshape = {{kind = "square"}}\n[avatar]\n{avatar}')
+    scene = load_scene("there/scene.toml", {"garment.name": "towel"}, on="ball.obj", fabric="silk")
+    (garment,), body = scene.garments, scene.avatar
+    assert body is not None
+    assert (garment.fabric.name, garment.name, body.friction, body.units) == ("silk", "towel", 0.3, None)
+    assert body.mesh == folder / "ball.obj"
+    shipped = load_scene("tshirt", on="ball.obj").avatar
+    assert shipped is not None
+    assert (shipped.mesh, shipped.shape) == (folder / "ball.obj", None)
+
+
 def test_it_is_the_fit_of_the_scene_that_init_writes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "there").mkdir()
     result = call("init", "cloth.obj", "--on", "ball.obj", "--fabric", "silk", "--out", "there/scene.toml")
@@ -99,11 +115,8 @@ def test_what_init_comments_out_is_valid(folder: Path) -> None:
         (["a.csv", "--on", "ball.obj"], "a.csv: no such file; check the path"),
         (["cloth.obj", "--on", "a.toml"], "--on: a.toml is a scene, not a body; give a body's mesh file"),
         (["cloth.obj", "--on", "cloth.obj"], "--on: cloth.obj is the garment, too; give the body's mesh file"),
-        (["tshirt", "--on", "ball.obj"], "--on: is for a garment's mesh, but tshirt is a scene"),
-        (
-            ["tshirt", "--fabric", "silk"],
-            "--fabric: is for a garment's mesh and a body; of a scene, --set",
-        ),
+        (["tshirt", "--on", "bal.obj"], "bal.obj: no such file; did you mean ball.obj?"),
+        (["tshirt", "--fabric", "slik"], '--fabric: unknown fabric "slik"; did you mean "silk"'),
         (["cloth.obj", "--on", "ball.obj", "--fabric", "slik"], '--fabric: unknown fabric "slik"; did you mean "silk"'),
         (["tshirt", "--set", "garment.fabrik=silk"], "--set garment.fabrik=silk: unknown key garment.fabrik; did you"),
     ],
@@ -111,6 +124,15 @@ def test_what_init_comments_out_is_valid(folder: Path) -> None:
 def test_mistakes_are_one_line(folder: Path, arguments: list[str], line: str) -> None:
     assert refused("fit", *arguments).startswith(line)
     assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize("command", ["fit", "plan", "tradeoff", "view"])
+def test_every_command_says_its_own_option(folder: Path, command: str) -> None:
+    assert refused(command, "cloth.obj").endswith("say what it is worn on: --on BODY.obj or --on mannequin")
+
+
+def test_a_mesh_is_no_pattern(folder: Path) -> None:
+    assert refused("pattern", "cloth.obj").startswith("cloth.obj: is a mesh, not a sewing pattern; fit it: warp-cloth")
 
 
 def test_overrides_may_be_a_dictionary_of_values() -> None:

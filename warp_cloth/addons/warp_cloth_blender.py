@@ -44,7 +44,7 @@ class Fit:
     """A running fit: its meshes in a folder of its own, its process, and where the result goes."""
 
     def __init__(self, context, garment, body, command, settings):
-        self.garment, self.settings = garment.name, settings
+        self.garment, self.body, self.settings = garment.name, body.name, settings
         self.vertices = len(garment.data.vertices)
         self.metres = _metres(context.scene)
         self._folder = tempfile.TemporaryDirectory(prefix="warp_cloth_")
@@ -100,7 +100,8 @@ class Fit:
                 raise FitError(f"{self.garment} has changed since the fit began; fit it again")
             out = self.folder / "out"
             if self.settings["result"] == "CACHE":
-                _set_cache(context, garment, self._local(garment, _frames(next(out.glob("*.pc2")))))
+                _set_cache(context, garment, self._local(garment, _frames(out / "garment_garment.pc2")))
+                self._move_body(context, out / "garment_avatar.pc2")
             else:
                 _set_shape_key(garment, self._local(garment, _obj_points(out / "garment.obj")[None])[0])
             report = json.loads((out / "report.json").read_text(encoding="utf-8"))
@@ -108,6 +109,22 @@ class Fit:
             return bool(report["worn"]), f"{report['message']} {remedies}".strip()
         finally:
             self.close()
+
+    def _move_body(self, context, path):
+        """The body's own cache, where it moved while it was dressed, and has the vertices that it was fitted with."""
+        body = bpy.data.objects.get(self.body)
+        if body is None:
+            return
+        modifier = body.modifiers.get(NAME)
+        if modifier is not None and modifier.type == "MESH_CACHE":
+            body.modifiers.remove(modifier)  # of an earlier fit
+        if not path.exists():
+            return
+        shapes = _frames(path)
+        if shapes.shape[1] == len(body.data.vertices) and not body.modifiers:
+            home = np.array(body.matrix_world.inverted())
+            shapes = shapes @ Y_UP / self.metres @ home[:3, :3].T + home[:3, 3]
+            _set_cache(context, body, shapes.astype(np.float32))
 
     def _local(self, garment, shapes):
         """Shapes of the mesh as fitted [N, V, 3] as places of the garment's own vertices, in its own space."""

@@ -40,6 +40,7 @@ class Card:
     own: str  # the job's own columns
     message: str
     picture: str  # data URL; empty where there is no shape
+    page: str = ""  # address of its report; empty: it has none
 
 
 def write_contact_sheet(folder: Path, items: Sequence[Item], rows: Sequence[Mapping[str, Any]], count: int) -> Path:

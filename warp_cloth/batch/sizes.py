@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from warp_cloth.anatomy.levels import body_levels
 from warp_cloth.avatar.solid import closing_of
@@ -15,11 +16,13 @@ from warp_cloth.base.toml_file import toml_text
 from warp_cloth.batch.contact_sheet import NO_RESULT, Card, thumbnail, write_cards
 from warp_cloth.batch.jobs import PLAIN_NAME
 from warp_cloth.fitting.fit import Caches, Fit, fit_loaded
+from warp_cloth.maps import chosen_maps
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
-from warp_cloth.report.shown import shown_verdict
+from warp_cloth.report.shown import ShownVerdict, shown_verdict
 from warp_cloth.scene import Scene, TshirtShape, load_scene
+from warp_cloth.scene.paths import file_stem
 from warp_cloth.scene.shapes import SIZES
 
 SIZE = "{size}"  # stands for the size in a change, as in garment.mesh=shirt_{size}.obj
@@ -28,6 +31,7 @@ DEFAULT_EASE = 0.04
 # Strain (99th percentile) above which a size is too tight somewhere, whatever its girths. A choice: at 10 % the stiffer
 # shipped fabrics pull with more than the 490 N/m at which a laboratory's tensile test ends.
 MOST_STRETCH = 0.10
+NO_SIZES = InputError("sizes", "no sizes are named", "give them from small to large: --size S,M,L")
 UNHELD = (ProblemCode.UNSUPPORTED, ProblemCode.FELL_OFF, ProblemCode.SLID_OFF, ProblemCode.DETACHED_PIECE)
 
 
@@ -58,6 +62,7 @@ class SizeFit:
     strain_p99: float | None
     fit: Fit | None
     held: bool = True  # false: it falls, or slides down to the feet
+    worn: bool = True
 
     @property
     def ease(self) -> float | None:
@@ -71,13 +76,18 @@ class SizeFit:
         strain = f"strain p99 {100 * self.strain_p99:.1f} %" if self.strain_p99 is not None else self.message
         return ", ".join([*levels, strain, *([] if self.held else ["slides down"])])
 
+    @property
+    def verdict(self) -> ShownVerdict:
+        """Whether it is worn, in words."""
+        return NO_RESULT if self.fit is None else shown_verdict(self.fit.report)
+
     def card(self) -> Card:
         """The size as a card of a page."""
         if self.fit is None:
-            return Card(self.size, NO_RESULT.words, NO_RESULT.colour, "", self.message, "")
-        verdict = shown_verdict(self.fit.report)
-        picture = thumbnail(self.fit.garments, self.fit.avatar)
-        return Card(self.size, verdict.words, verdict.colour, f"ease: {self.figures}", self.message, picture)
+            return Card(self.size, self.verdict.words, self.verdict.colour, "", self.message, "")
+        verdict = self.verdict
+        picture, page = thumbnail(self.fit.garments, self.fit.avatar), f"{quote(self.size)}/report.html"
+        return Card(self.size, verdict.words, verdict.colour, f"ease: {self.figures}", self.message, picture, page)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,46 +135,62 @@ class SizeRun:
             ],
         }
 
-    def save(self, directory: str | Path) -> list[Path]:
-        """Writes a stage for each size, a page with their pictures, then sizes.json.
+    def save(self, directory: str | Path, *, made: Mapping[str, str] | None = None) -> list[Path]:
+        """Writes a folder for each size, as ``Fit.save`` does, a picture and a page of all, then sizes.json.
+
+        Args:
+            directory: where to write; created if it is missing.
+            made: for the reports: the command and the date.
 
         Raises:
             InputError: the folder cannot be written.
         """
+        from warp_cloth.export.preview import save_picture
         from warp_cloth.export.report import check_writable, write_report
-        from warp_cloth.export.stage import write_stage
+        from warp_cloth.export.size_picture import size_picture
 
         folder = Path(directory)
         check_writable(folder, self.name)
-        (folder / "sizes.json").unlink(missing_ok=True)  # an earlier run's: this one's stages are written first
-        paths = []
-        for each in self.sizes:
-            if each.fit is not None:
-                paths.append(folder / f"{self.name}_{each.size}.usdc")
-                write_stage(paths[-1], garments=each.fit.garments, avatar=each.fit.avatar, name=self.name)
-        paths.append(folder / "sizes.html")
-        write_cards(paths[-1], f"{self.name}: {self.advice}", [each.card() for each in self.sizes])
+        (folder / "sizes.json").unlink(missing_ok=True)  # an earlier run's: this one's sizes are written first
+        fits = {each.size: each.fit for each in self.sizes if each.fit is not None}
+        for size, fit in fits.items():
+            if made is not None:
+                fit.report["made"] = dict(made)
+            fit.save(folder / size)
+        title = f"{self.name}: {self.advice}"
+        write_cards(folder / "sizes.html", title, [each.card() for each in self.sizes])
+        paths = [folder / "sizes.html", folder / "sizes.json", *(folder / size for size in fits)]
+        if fits:
+            save_picture(size_picture(title, fits, self.recommended), folder / "sizes.png")
+            paths.insert(1, folder / "sizes.png")
         write_report(folder / "sizes.json", self.report())
-        return [*paths, folder / "sizes.json"]
+        return paths
 
 
 def fit_sizes(
     scene: str | Path | Mapping[str, Any],
     sizes: Sequence[str] = (),
     *,
+    on: str | Path | None = None,
+    fabric: Any = None,
     overrides: Sequence[str] = (),
     ease: float = DEFAULT_EASE,
+    maps: str | Sequence[str] = (),
     device: str | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> SizeRun:
     """Fits all sizes of a scene's garment on its avatar, and recommends the smallest that leaves ``ease`` everywhere.
 
     Args:
-        scene: what ``load_scene`` takes; its avatar is the body, the same for all sizes.
+        scene: what ``load_scene`` takes; its avatar is the body, the same for all sizes. ``{size}`` in its name, with
+            ``on``, stands for the size, as in shirt_{size}.obj.
         sizes: from small to large; empty: those of the generated T-shirt.
+        on: the body's mesh file, or "mannequin", in place of the scene's avatar.
+        fabric: of all garments.
         overrides: ``KEY=VALUE`` changes; ``{size}`` in one, or in the scene's garment.mesh or pattern, stands for it.
             Where neither has it the size is that of the generated T-shirt.
         ease: wanted at chest, waist and hip [m]; negative for a garment that should stretch.
+        maps: fit maps to compute of each size, such as "gap", for ``warp-cloth compare``.
         device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
         progress: called with each size before it is fitted.
 
@@ -176,13 +202,44 @@ def fit_sizes(
         arguments.strings(sizes, "sizes"),
         arguments.number(ease, "ease"),
     )
+    map_names = chosen_maps(maps)
     for size in sizes:
         if not PLAIN_NAME.fullmatch(size):
             remedy = f"use no slashes; folders go before it: override garment.mesh=FOLDER/{SIZE}.obj"
-            raise InputError("sizes", f'"{size}" names a stage, and cannot be part of a file name', remedy)
-    plain = [change for change in changes if SIZE not in change]
+            raise InputError("sizes", f'"{size}" names a folder, and cannot be part of a file name', remedy)
+    chosen = _sized_scenes(scene, sizes, changes, on, fabric)  # all are read first: a mistyped size costs no fit
+    found, caches = [], Caches()
+    for size, sized_scene in chosen.items():
+        if progress is not None:
+            progress(size)
+        found.append(_fit_size(size, sized_scene, map_names, device, caches))
+    recommended, reason = recommendation(found, ease)
+    return SizeRun(_name(scene, chosen), ease, tuple(found), recommended, reason)
+
+
+def _name(scene: Any, chosen: Mapping[str, Scene]) -> str:
+    """The scene's name, without the size."""
+    if _names_size(scene):
+        return file_stem(Path(str(scene).replace(SIZE, ""))).strip("_- ") or "sizes"
+    return next(iter(chosen.values())).name
+
+
+def _names_size(scene: Any) -> bool:
+    return isinstance(scene, str | Path) and SIZE in str(scene)
+
+
+def _sized_scenes(scene: Any, sizes: Sequence[str], changes: Sequence[str], on: Any, fabric: Any) -> dict[str, Scene]:
+    """The scene in every size."""
+
+    def load(size: str, changes: Sequence[str]) -> Scene:
+        named = str(scene).replace(SIZE, size) if _names_size(scene) else scene
+        return load_scene(named, [change.replace(SIZE, size) for change in changes], on=on, fabric=fabric)
+
     sized = [change for change in changes if SIZE in change]
-    base = load_scene(scene, [*plain, *(change.replace(SIZE, sizes[0]) for change in sized if sizes)])
+    named = _names_size(scene)
+    if named and not sizes:
+        raise NO_SIZES
+    base = load(sizes[0] if sizes else SIZE, [change for change in changes if sizes or change not in sized])
     if base.avatar is None:
         raise InputError("sizes", "the scene has no avatar to choose a size for", "add an [avatar]")
     sized += [
@@ -190,29 +247,22 @@ def fit_sizes(
         for key, spec in zip(base.garment_keys, base.garments, strict=True)
         if spec.file is not None and SIZE in str(spec.file)
     ]
-    generated = isinstance(base.garments[0].shape, TshirtShape)
-    if not sized and not generated:
+    own = bool(sized) or named
+    if not own and not isinstance(base.garments[0].shape, TshirtShape):
         raise InputError("sizes", "nothing in the scene depends on the size", f"override garment.mesh=shirt_{SIZE}.obj")
-    if sized and not sizes:
-        raise InputError("sizes", "no sizes are named", "give them from small to large: --size S --size M")
-    names = tuple(sizes if sized else (size.upper() for size in sizes)) or SIZES
+    if own and not sizes:
+        raise NO_SIZES
+    plain = [change for change in changes if change not in sized]
+    if own:
+        return {size: load(size, [*plain, *sized]) for size in sizes}
     first = "garment" if len(base.garments) == 1 else "garment[0]"
-    chosen = {}  # all scenes are read first: a mistyped size costs no fit
-    for size in names:
-        own = [change.replace(SIZE, size) for change in sized] or [f"{first}.shape.size={size}"]
-        chosen[size] = load_scene(scene, [*plain, *own])
-    found, caches = [], Caches()
-    for size, sized_scene in chosen.items():
-        if progress is not None:
-            progress(size)
-        found.append(_fit_size(size, sized_scene, device, caches))
-    recommended, reason = recommendation(found, ease)
-    return SizeRun(base.name, ease, tuple(found), recommended, reason)
+    names = [size.upper() for size in sizes] or SIZES
+    return {size: load(size, [*plain, f"{first}.shape.size={size}"]) for size in names}
 
 
-def _fit_size(size: str, scene: Scene, device: str | None, caches: Caches) -> SizeFit:
+def _fit_size(size: str, scene: Scene, maps: Sequence[str], device: str | None, caches: Caches) -> SizeFit:
     try:
-        worn = fit_loaded(lambda: scene, device, caches)
+        worn = fit_loaded(lambda: scene, device, caches, maps=maps)
     except InputError as error:
         return unusable_size(size, str(error))
     return measured_size(size, worn)
@@ -227,7 +277,7 @@ def measured_size(size: str, worn: Fit) -> SizeFit:
     """A size as it is worn, with what a recommendation needs."""
     levels = _levels(worn) if worn.avatar is not None and worn.status is not Status.DIVERGED else {}
     strain, held = worn.report["strain"], not any(problem.code in UNHELD for problem in worn.problems)
-    return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn, held)
+    return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn, held, worn.worn)
 
 
 def _levels(worn: Fit) -> dict[str, LevelFit]:
@@ -269,8 +319,10 @@ def recommendation(sizes: Sequence[SizeFit], wanted: float) -> tuple[str | None,
 
 
 def _unsure(each: SizeFit) -> str:
-    """A caution where the garment was still moving when it was measured."""
-    return "" if each.status == Status.AT_REST.value else " It did not come to rest, so its ease may still change."
+    """A caution where the garment was still moving when it was measured, or has problems."""
+    if each.status != Status.AT_REST.value:
+        return " It did not come to rest, so its ease may still change."
+    return "" if each.worn else " It is not worn as it should be: its report says why."
 
 
 def _too_tight(each: SizeFit, wanted: float) -> str:

@@ -1,4 +1,4 @@
-"""Commands that explore what a scene is made of: ``warp-cloth scenes``, ``pattern``, ``fabric`` and ``avatar``."""
+"""Commands that explore what a scene is made of: ``warp-cloth scenes``, ``pattern`` and ``avatar``."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ def pattern(
         ),
     ] = Path("out"),
     edge_mm: Annotated[
-        float | None, typer.Option(help="Edge length of the mesh [mm].", min=2.0, max=60.0, show_default="15")
+        float | None, typer.Option(help="Edge length of the mesh, in mm.", min=2.0, max=60.0, show_default="15")
     ] = None,
     size: Annotated[
         str | None, typer.Option(help="Size of a .dxf with several.", show_default="the sample's, or the middle one")
     ] = None,
     seam_allowance_mm: Annotated[
-        float, typer.Option(help="Seam allowance of pieces of a .dxf that have no sew line [mm].", min=0.0, max=100.0)
+        float, typer.Option(help="Seam allowance of pieces of a .dxf that have no sew line, in mm.", min=0.0, max=100.0)
     ] = 0.0,
 ) -> None:
     """Draw a pattern: its panels in millimetres, with numbered edges and the stitches that sew them.
@@ -66,7 +66,10 @@ def pattern(
         from warp_cloth.loading.raw import counted
         from warp_cloth.scene.paths import file_stem
         from warp_cloth.scene.wearables import PATTERN_EDGE_MM
+        from warp_cloth.scene.worn_on import MESH_SUFFIXES
 
+        if file.suffix.lower() in MESH_SUFFIXES:
+            raise InputError(file, "is a mesh, not a sewing pattern", f"fit it: warp-cloth fit {file} --on BODY.obj")
         name = file_stem(file)
         with output_folder(out, f"{name}_pattern"):
             from warp_cloth.pattern import is_drafted
@@ -126,122 +129,6 @@ def _draw_pieces(file: Path, name: str, out: Path, edge: float, *, size: str | N
     paths += [] if sewn is None else [save_meshed_specification(sewn, name, out)]
     vertices = 0 if sewn is None else sewn.mesh.vertex_count
     return _DrawnPattern(len(draft.parts), len(draft.joints), vertices, notes, paths)
-
-
-def fabric(
-    fabric: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="Name of a shipped fabric, or a fabric file (TOML); or compare and two of them; after --from-drape, "
-            "further photographs."
-        ),
-    ] = None,
-    device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N.")] = "cpu",
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Output folder, for NAME.json, NAME.csv, NAME.png and NAME_drape.png; of a fabric that is made, its "
-            "file, NAME.toml.",
-            show_default="out, made.toml",
-        ),
-    ] = None,
-    plots: Annotated[bool, typer.Option(help="Plot the curves (needs matplotlib).")] = True,
-    rings: Annotated[
-        int | None,
-        typer.Option(help="Rings of vertices in a draped disc; 140 make 38,802 vertices.", show_default="30"),
-    ] = None,
-    discs: Annotated[int | None, typer.Option(help="Number of discs to drape.", show_default="6")] = None,
-    from_drape: Annotated[
-        Path | None, typer.Option(metavar="PHOTO...", help="Make a fabric from photographs of its drape, from above.")
-    ] = None,
-    drape_coefficient: Annotated[
-        float | None, typer.Option(help="Make a fabric from a measured drape coefficient [%].")
-    ] = None,
-    folds: Annotated[int | None, typer.Option(help="With --drape-coefficient: folds that were counted.")] = None,
-    weight_gsm: Annotated[float | None, typer.Option(help="Weight of the fabric to make [g/m2].")] = None,
-    base: Annotated[
-        str | None, typer.Option(help="Fabric of the same class: stretch and shear are taken from it.")
-    ] = None,
-    support_mm: Annotated[float, typer.Option(help="Diameter of the support, and of the plate on it [mm].")] = 180.0,
-    disc_mm: Annotated[float, typer.Option(help="Diameter of the disc of cloth [mm].")] = 300.0,
-    warp_degrees: Annotated[
-        float, typer.Option(help="Direction of the warp in the photographs, from right, counter-clockwise.")
-    ] = 90.0,
-    mm_per_pixel: Annotated[
-        float | None, typer.Option(help="Scale of the photographs.", show_default="from the plate's edge")
-    ] = None,
-    camera_mm: Annotated[
-        float | None,
-        typer.Option(help="Distance of the camera from the plate.", show_default="from the photograph's EXIF data"),
-    ] = None,
-) -> None:
-    """Test a fabric the way a textile laboratory does; or make one from photographs or figures of its drape.
-
-    \b
-    warp-cloth fabric denim
-    warp-cloth fabric my_fabric.toml --out tested --device cuda --rings 140
-    warp-cloth fabric compare denim my_fabric.toml
-    warp-cloth fabric --from-drape first.jpg second.jpg --weight-gsm 160 --base cotton --out mine.toml
-    warp-cloth fabric --drape-coefficient 47 --folds 8 --weight-gsm 59
-    """
-    names = fabric or []
-    with one_line_errors():
-        if from_drape is not None or drape_coefficient is not None:
-            from warp_cloth.cli.made_fabric import DrapeTest, make_fabric
-
-            test = DrapeTest(
-                [] if from_drape is None else [from_drape, *map(Path, names)],
-                drape_coefficient,
-                folds,
-                weight_gsm,
-                base,
-                support_mm,
-                disc_mm,
-                warp_degrees,
-                mm_per_pixel,
-                camera_mm,
-            )
-            lines, paths = make_fabric(test, out or Path("made.toml"), device)
-        elif names[:1] == ["compare"]:
-            from warp_cloth.cli.made_fabric import comparison
-
-            lines, paths = comparison(names[1:]), []
-        elif len(names) != 1:
-            problem = "needs one fabric" if not names else f"takes one fabric, not {len(names)}"
-            raise InputError("fabric", problem, "or compare and two of them; or --from-drape, or --drape-coefficient")
-        else:
-            lines, paths = _test_fabric(names[0], device, out or Path("out"), plots, rings, discs)
-    for line in [*lines, *(f"  wrote {path}" for path in paths)]:
-        typer.echo(line)
-
-
-def _test_fabric(
-    fabric: str, device: str, out: Path, plots: bool, rings: int | None, discs: int | None
-) -> tuple[list[str], list[Path]]:
-    """Lines to print and files written of a fabric's laboratory tests."""
-    from warp_cloth.material.fabric import resolve_fabric, unlikely_values
-
-    try:
-        chosen = resolve_fabric(fabric)
-    except InputError as error:
-        raise InputError(error.place or "fabric", error.problem, error.remedy) from None
-    with output_folder(out, chosen.name):
-        start_warp(False)
-        from warp_cloth.base.device import device_named
-        from warp_cloth.bench import run_bench
-        from warp_cloth.bench.bench import DISC_RINGS, DISCS
-        from warp_cloth.bench.save import save_bench, table
-
-        plots = can_plot(plots)
-        where = device_named(device)
-        bench = run_bench(
-            chosen,
-            device=where,
-            rings=DISC_RINGS if rings is None else rings,
-            discs=DISCS if discs is None else discs,
-            progress=lambda name: print(f"testing {name}", file=sys.stderr),
-        )
-        return [*table(bench), *unlikely_values(chosen)], save_bench(bench, out, where, plots=plots)
 
 
 def avatar(

@@ -1,4 +1,4 @@
-"""Commands that fit garments: ``warp-cloth fit``, ``batch`` and ``sizes``.
+"""The command that fits garments: ``warp-cloth fit``.
 
 A command has as many parameters as it has options; that is not a function of too many arguments.
 """
@@ -6,11 +6,9 @@ A command has as many parameters as it has options; that is not a function of to
 from __future__ import annotations
 
 import math
-import shlex
 import sys
 import threading
 from collections.abc import Callable, Mapping
-from datetime import datetime
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,17 +17,16 @@ import typer
 
 from warp_cloth.base.clock import command_clock
 from warp_cloth.base.collector import what_stays
-from warp_cloth.base.errors import InputError
 from warp_cloth.base.first_run import FIRST_RUN, is_first_run
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.cli.options import Changes, Device, FabricName, On
-from warp_cloth.cli.terminal import BAD_INPUT, one_line_errors, output_folder
+from warp_cloth.cli.options import Changes, Device, FabricName, Maps, On
+from warp_cloth.cli.terminal import NOT_WORN, made, one_line_errors, output_folder
 
 if TYPE_CHECKING:
+    from warp_cloth.base.clock import StageClock
     from warp_cloth.cli.fit_progress import ProgressDisplay
-
-NOT_WORN = 3  # exit status where something was written that is not worn
-LARGEST_EASE = 200.0  # [cm]; a tent has less
+    from warp_cloth.fitting.fit import Fit
+    from warp_cloth.scene import Scene
 
 
 def fit(
@@ -37,7 +34,7 @@ def fit(
         str,
         typer.Argument(
             help="Scene file (TOML), USD stage with a garment and an avatar, or the name of a shipped scene "
-            "(see `warp-cloth scenes`); with --on, a garment's mesh."
+            "(see `warp-cloth scenes`); with --on, a garment's mesh or pattern, too."
         ),
     ],
     on: On = None,
@@ -50,10 +47,7 @@ def fit(
     frames: Annotated[
         int, typer.Option(help="Number of intermediate shapes to store as time samples of the stage.")
     ] = 0,
-    maps: Annotated[
-        str,
-        typer.Option(help="Fit maps, separated by commas: strain, pressure, gap, a single one (strain_warp), or all."),
-    ] = "",
+    maps: Maps = "",
     colour: Annotated[str, typer.Option(help="The map that colours the garments in the stage.")] = "",
     formats: Annotated[
         str, typer.Option("--format", help="File formats, separated by commas: usdc, usda, usdz, glb, obj, pc2.")
@@ -66,13 +60,14 @@ def fit(
 ) -> None:
     """Fit the garments of a scene; write the draped shapes, a report and a picture.
 
-    Exit status: 0 all garments are worn; 3 files are written, but a garment is not worn (the report names its
-    problems); 2 bad input.
+    \b
+    Exit status: 0 all garments are worn; 2 bad input; 3 a garment is not worn:
+    files are written, and the report says what is wrong.
 
     \b
     warp-cloth fit shirt.obj --on body.obj --fabric jersey
     warp-cloth fit tshirt --set garment.shape.size=L --maps all --colour gap
-    warp-cloth fit stage.usda --set garment.prim=/World/shirt --set avatar.prim=/World/body
+    warp-cloth fit stage.usda --set garment.prim=/shirt --set avatar.prim=/body
     """
     with one_line_errors("on", "fabric"):
         clock = command_clock()
@@ -90,26 +85,32 @@ def fit(
         chosen = load_scene(scene, changes or (), on=on, fabric=fabric)
         check_inputs_kept(chosen, out, suffixes)
         clock.lap("load")
-        with output_folder(out, chosen.name):
-            with what_stays():
-                from warp_cloth.fitting.fit import fit as run
-            with _display() as display:
-                clock.lap("import")
-                start_warp(verbose)
-                clock.lap("warp")
-                all_maps, export = (*map_names, colour_map), _Meanwhile("warp_cloth.export.save", display)
-                worn = run(chosen, device=device, frames=frames, maps=all_maps, start=start, progress=export)
-                clock.restart()
-                export.wait()
-                clock.lap("import")
-                clock.add_to(worn.report.setdefault("seconds", {}))
-                worn.report["made"] = {"command": shlex.join(["warp-cloth", *sys.argv[1:]]), "date": _now()}
-                display.begin("export")
-                paths = worn.save(out, colour=colour_map, formats=suffixes)
+        with output_folder(out, chosen.name), _display() as display:
+            start_warp(verbose)
+            clock.lap("warp")
+            wanted = {"device": device, "frames": frames, "maps": (*map_names, colour_map), "start": start}
+            worn = _fitted(chosen, wanted, clock, display)
+            display.begin("export")
+            paths = worn.save(out, colour=colour_map, formats=suffixes)
     for line in summary(chosen.name, worn.report, paths):
         typer.echo(line)
     if not worn.worn:
         raise typer.Exit(NOT_WORN)
+
+
+def _fitted(scene: Scene, wanted: Mapping[str, Any], clock: StageClock, show: Callable[[Any], None]) -> Fit:
+    """The fit of a scene; its report says what the whole command took, and what was typed."""
+    with what_stays():
+        from warp_cloth.fitting.fit import fit as run
+    clock.lap("import")
+    export = _Meanwhile("warp_cloth.export.save", show)
+    worn = run(scene, **wanted, progress=export)
+    clock.restart()
+    export.wait()
+    clock.lap("import")
+    clock.add_to(worn.report.setdefault("seconds", {}))
+    worn.report["made"] = made()
+    return worn
 
 
 class _Meanwhile:
@@ -132,11 +133,6 @@ class _Meanwhile:
         import_module(self._module)  # which raises what went wrong there
 
 
-def _now() -> str:
-    """Date and time here, as a report states it."""
-    return datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z")
-
-
 def _display() -> ProgressDisplay:
     from rich.console import Console
 
@@ -149,13 +145,14 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
     """A fit in a few lines: its message, the certificate's main figures, the files written."""
     from warp_cloth.report.notes import notes_of
     from warp_cloth.report.numbers import shown_choice
-    from warp_cloth.report.shown import ease_lines, shown_verdict
+    from warp_cloth.report.shown import ease_lines, fitted_lines, shown_verdict
 
     residual, strain = report.get("residual") or {}, report.get("strain") or {}
     yarns = {direction: strain[direction]["p99"] for direction in ("warp", "weft", "bias") if direction in strain}
     penetration, seconds = report.get("penetration_mm") or {}, report.get("seconds") or {}
     lines = [f"{name}: {shown_verdict(report).words}. {report.get('message') or report.get('status', 'unknown')}"]
-    rows = [("ease", line) for line in ease_lines(report)]
+    rows = [("fitted", line) for line in fitted_lines(report)]
+    rows += [("ease", line) for line in ease_lines(report)]
     rows += [
         ("residual", _filled("{} relative rms, {} p99", residual, "relative_rms", "relative_p99")),
         ("rest error", _filled("{} mm", report, "rest_error_mm")),
@@ -199,123 +196,3 @@ def _shown(value: Any) -> str:
     if value is None:
         return "?"
     return value if isinstance(value, str) else f"{value:,}" if isinstance(value, int) else short_number(value)
-
-
-def batch(
-    jobs: Annotated[
-        Path,
-        typer.Argument(help="Job file: a table with a row per item (.csv, .parquet, .toml), or a product (.toml)."),
-    ],
-    out: Annotated[
-        Path, typer.Option(help="Output folder, for results.parquet, results.csv and the draped shapes.")
-    ] = Path("out"),
-    device: Annotated[
-        str | None, typer.Option(help="cpu, cuda (all GPUs) or cuda:N.", show_default="all GPUs, or the CPU")
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(help="Number of processes.", show_default="one per core, or four per GPU")
-    ] = None,
-    ray: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Run on the Ray cluster at this address.")] = None,
-    keep: Annotated[
-        str, typer.Option(help="Draped shapes to keep: arrays (a file per shard), stages (one per item) or none.")
-    ] = "arrays",
-    shard: Annotated[
-        int | None, typer.Option(help="Items per shard (a task, and its file).", show_default="depends on the device")
-    ] = None,
-    sheet: Annotated[
-        int, typer.Option(help="Thumbnails on contact_sheet.html, the worst items first; 0: no such page.")
-    ] = 0,
-    ease: Annotated[
-        bool, typer.Option(help="Measure ease at chest, waist and hip: 0.07 s of a core for each item.")
-    ] = True,
-) -> None:
-    """Fit many scenes. If it is interrupted, the same command continues where it stopped.
-
-    Exit status: 0 all items are worn; 3 some are not (columns worn and problems of the results); 2 bad input; 1 some
-    are not done, and the same command continues.
-
-    \b
-    warp-cloth batch jobs.csv --out out
-    warp-cloth batch jobs.toml --out out --keep stages --workers 4
-    """
-    with one_line_errors():
-        from warp_cloth.batch.processes import start_forkserver
-
-        if ray is None:
-            start_forkserver(device)  # while this process imports
-        from rich.console import Console
-
-        from warp_cloth.batch import run_batch
-        from warp_cloth.batch.progress import BatchDisplay
-        from warp_cloth.batch.progress import summary as batch_summary
-
-        with BatchDisplay(Console(stderr=True)) as display:
-            report = run_batch(
-                jobs,
-                out,
-                device=device,
-                workers=workers,
-                ray=ray,
-                keep=keep,  # type: ignore[arg-type]
-                shard=shard,
-                sheet=sheet,
-                ease=ease,
-                progress=display,
-            )
-    for line in batch_summary(report):
-        typer.echo(line)
-    if not report.complete:
-        raise typer.Exit(1)
-    if set(report.statuses) == {"invalid"}:
-        raise typer.Exit(BAD_INPUT)
-    if report.worn < report.progress.items:
-        raise typer.Exit(NOT_WORN)
-
-
-def sizes(
-    scene: Annotated[
-        str, typer.Argument(help="Scene file (TOML), or the name of a shipped scene; its avatar is the customer.")
-    ],
-    size: Annotated[
-        list[str] | None,
-        typer.Option(help="A size; repeat it for every size, smallest first.", show_default="S, M, L of the T-shirt"),
-    ] = None,
-    changes: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Override a scene key; {size} stands for the size. May be repeated."
-        ),
-    ] = None,
-    ease: Annotated[float, typer.Option(help="Desired ease at chest, waist and hip, in cm.")] = 4.0,
-    device: Device = None,
-    out: Annotated[
-        Path, typer.Option(help="Output folder, for sizes.html, sizes.json and the stage of each size.")
-    ] = Path("out"),
-) -> None:
-    """Fit every size of a garment on one body, and recommend one.
-
-    \b
-    warp-cloth sizes tshirt --set avatar.shape.chest=1.02 --ease 4
-    warp-cloth sizes scene.toml --size S --size M --set 'garment.mesh=shirt_{size}.obj'
-    """
-    with one_line_errors(), output_folder(out, "sizes"):
-        if not -LARGEST_EASE <= ease <= LARGEST_EASE:
-            raise InputError("--ease", f"must be a length in cm, not {ease:g}", f"use at most {LARGEST_EASE:g}")
-        from warp_cloth.batch.sizes import fit_sizes
-
-        start_warp()
-        run = fit_sizes(
-            scene,
-            size or (),
-            overrides=changes or (),
-            ease=ease / 100,
-            device=device,
-            progress=lambda name: typer.echo(f"fitting {name}", err=True),
-        )
-        paths = run.save(out)
-    for each in run.sizes:
-        typer.echo(f"{each.size:<4} {each.status.replace('_', ' '):<16} {each.figures}")
-    typer.echo(run.advice)
-    typer.echo(f"  wrote        {', '.join(str(path) for path in paths)}")
-    if all(each.status == "invalid" for each in run.sizes):
-        raise typer.Exit(1)

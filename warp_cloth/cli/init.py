@@ -9,12 +9,13 @@ from typing import Annotated
 import typer
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import FabricName
 from warp_cloth.cli.terminal import one_line_errors
 
 
 def init(
-    garment: Annotated[Path, typer.Argument(help="The garment's mesh file.")],
+    garment: Annotated[Path, typer.Argument(help="The garment's mesh or pattern.")],
     on: Annotated[str, typer.Option(metavar="BODY", help="Body's mesh file, or mannequin.")],
     fabric: FabricName = None,
     out: Annotated[
@@ -33,6 +34,7 @@ def init(
         from warp_cloth.scene.draft import draft_text
         from warp_cloth.scene.worn_on import worn_on
 
+        start_warp()
         file = out or Path(f"{garment.stem}.toml")
         _check_free(file)
         scene = load_scene(garment, on=on, fabric=fabric)

@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
-from warp_cloth.cli.explore import avatar, fabric, pattern, scenes
-from warp_cloth.cli.fit import batch, fit, sizes
+from warp_cloth.cli.explore import avatar, pattern, scenes
+from warp_cloth.cli.fabric import fabric
+from warp_cloth.cli.fit import fit
 from warp_cloth.cli.init import init
+from warp_cloth.cli.many import batch, sizes
 from warp_cloth.cli.results import compare, view
 from warp_cloth.cli.serve import serve
 from warp_cloth.cli.study import plan, tradeoff

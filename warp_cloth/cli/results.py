@@ -11,7 +11,7 @@ import typer
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.cli.options import Changes, Device
+from warp_cloth.cli.options import Changes, Device, FabricName, On
 from warp_cloth.cli.terminal import one_line_errors, output_folder
 
 
@@ -45,8 +45,14 @@ def compare(
 
 def view(
     scene: Annotated[
-        str, typer.Argument(help="Scene file (TOML), USD stage (also one that a fit wrote), or shipped scene.")
+        str,
+        typer.Argument(
+            help="Scene file (TOML), USD stage (also one that a fit wrote), or shipped scene; with --on, a garment's "
+            "mesh or pattern, too."
+        ),
     ],
+    on: On = None,
+    fabric: FabricName = None,
     changes: Changes = None,
     device: Device = None,
     host: Annotated[str, typer.Option(help="Address to serve on; 0.0.0.0 admits other machines.")] = "127.0.0.1",
@@ -57,9 +63,10 @@ def view(
 
     \b
     warp-cloth view tshirt --open
+    warp-cloth view shirt.obj --on body.obj --open
     warp-cloth view scene.toml --set garment.fabric=denim --port 8090
     """
-    with one_line_errors():
+    with one_line_errors("on", "fabric"):
         if importlib.util.find_spec("viser") is None:
             raise InputError("view", "needs the package viser", "pip install 'warp-cloth[view]'")
         for text in changes or ():
@@ -71,7 +78,7 @@ def view(
         from warp_cloth.view.page import serve
 
         pairs = dict(text.split("=", 1) for text in changes or ())
-        live = LiveFit(scene, pairs, device, progress=_show_stage)
+        live = LiveFit(scene, pairs, device, _show_stage, on, fabric)
         serve(live, host=host, port=port, show=typer.echo, opened=opened)
 
 

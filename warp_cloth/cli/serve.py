@@ -20,7 +20,7 @@ def serve(
     products: Annotated[
         list[str] | None,
         typer.Argument(
-            help="What can be asked for: shipped scenes, scene files, job files (.toml) with a [product].",
+            help="What can be asked for: shipped scenes, scene files, job files (.toml) with a product.",
             show_default="tshirt",
         ),
     ] = None,

@@ -10,12 +10,14 @@ from typing import Annotated
 import typer
 
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.cli.options import Changes, Device, SceneName
+from warp_cloth.cli.options import Changes, Device, FabricName, On, SceneName
 from warp_cloth.cli.terminal import INTERRUPTED, can_plot, one_line_errors, output_folder
 
 
 def plan(
     scene: SceneName,
+    on: On = None,
+    fabric: FabricName = None,
     device: Device = None,
     changes: Changes = None,
     savings: Annotated[
@@ -29,10 +31,10 @@ def plan(
     warp-cloth plan tshirt --savings
     warp-cloth plan scene.toml --set collision.cloth=true
     """
-    with one_line_errors():
+    with one_line_errors("on", "fabric"):
         from warp_cloth.scene import load_scene
 
-        chosen = load_scene(scene, changes or ())
+        chosen = load_scene(scene, changes or (), on=on, fabric=fabric)
         start_warp(False)
         from warp_cloth.base.device import device_named
         from warp_cloth.fitting.problem import load_problem
@@ -54,6 +56,8 @@ def plan(
 
 def tradeoff(
     scene: SceneName,
+    on: On = None,
+    fabric: FabricName = None,
     within: Annotated[str, typer.Option(help="Wanted accuracy: rms distance from the reference.")] = "2mm",
     out: Annotated[Path, typer.Option(help="Folder for NAME_tradeoff.json, .csv, .toml and .png.")] = Path("out"),
     device: Device = None,
@@ -67,12 +71,12 @@ def tradeoff(
     \b
     warp-cloth tradeoff scene.toml --within 2mm --out study
     """
-    with one_line_errors():
+    with one_line_errors("on", "fabric"):
         from warp_cloth.scene import load_scene
         from warp_cloth.study.tradeoff import TradeStudy, millimetres
         from warp_cloth.study.tradeoff_files import save_trade, trade_lines
 
-        wanted, chosen = millimetres(within), load_scene(scene, changes or ())
+        wanted, chosen = millimetres(within), load_scene(scene, changes or (), on=on, fabric=fabric)
         with output_folder(out, f"{chosen.name}_tradeoff"):
             start_warp(False)
             from warp_cloth.base.device import device_named

@@ -5,10 +5,12 @@ from __future__ import annotations
 import _thread
 import os
 import re
+import shlex
 import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
 
 import typer
@@ -16,6 +18,7 @@ import typer
 from warp_cloth.base.errors import OVERRIDE, InputError
 
 BAD_INPUT = 2  # exit status
+NOT_WORN = 3  # exit status where something was written that is not worn
 OPTIONS = ("device", "keep", "out", "ray", "shard", "sheet", "workers")  # have the names of arguments
 RESEND_DELAY = 0.01  # [s] after an interrupt that would be lost: by then the object is freed
 INTERRUPTED = 130  # exit status of a shell's Ctrl-C
@@ -90,3 +93,9 @@ def output_folder(folder: Path, name: str) -> Iterator[None]:
             if place.is_dir() and not any(place.iterdir()):
                 place.rmdir()
         raise
+
+
+def made() -> dict[str, str]:
+    """The command that was typed, and date and time here, as reports state them."""
+    date = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z")
+    return {"command": shlex.join(["warp-cloth", *sys.argv[1:]]), "date": date}

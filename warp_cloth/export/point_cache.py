@@ -6,10 +6,12 @@ Own code: no kept library on the package index writes PC2, or Alembic. The forma
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.surface import require_sound
@@ -18,18 +20,22 @@ from warp_cloth.model.result import WornGarment
 HEADER = struct.Struct("<12siiffi")  # signature, version, points, first frame, frames from sample to sample, samples
 SIGNATURE, VERSION = b"POINTCACHE2\0", 1
 FIRST_FRAME = 1.0  # as in a stage
+BODY = "avatar"  # in the name of the body's file
 
 
-def write_point_caches(path: Path, *, garments: Sequence[WornGarment]) -> list[Path]:
+def write_point_caches(
+    path: Path, *, garments: Sequence[WornGarment], others: Mapping[str, NDArray[np.float32]] = MappingProxyType({})
+) -> list[Path]:
     """Writes the frames of each garment [m], y up, float32 shape [N, V, 3] after the header; returns their paths.
 
     These are ``path`` with the garment's name added to its stem. A garment without frames has its worn shape only.
+    ``others`` are frames of other meshes by name.
     """
     require_sound(garments, None)
+    shapes = {worn.name: worn.points[None] if worn.frames is None else worn.frames for worn in garments}
     paths = []
-    for worn in garments:
-        frames = worn.points[None] if worn.frames is None else worn.frames
-        target = path.with_name(f"{path.stem}_{worn.name}.pc2")
+    for name, frames in {**others, **shapes}.items():
+        target = path.with_name(f"{path.stem}_{name}.pc2")
         with whole_file(target) as place, place.open("wb") as file:
             file.write(HEADER.pack(SIGNATURE, VERSION, frames.shape[1], FIRST_FRAME, 1.0, len(frames)))
             file.write(np.ascontiguousarray(frames, dtype="<f4").tobytes())

@@ -17,7 +17,7 @@ from warp_cloth.maps.colour import shown_value
 from warp_cloth.maps.kinds import MAPS
 from warp_cloth.report.notes import notes_of
 from warp_cloth.report.numbers import short_number, shown_choice
-from warp_cloth.report.shown import NOT_REACHED, ease_lines, percent, shown_ease, shown_verdict
+from warp_cloth.report.shown import NOT_REACHED, ease_lines, fitted_lines, percent, shown_ease, shown_verdict
 from warp_cloth.solver.certificate.rest_error import GROWING
 
 
@@ -38,6 +38,7 @@ def write_report_page(path: Path, name: str, report: Mapping[str, Any], pictures
         verdict=shown_verdict(report),
         ease=shown_ease(report),
         ease_lines=ease_lines(report),
+        fitted=fitted_lines(report),
         not_reached=NOT_REACHED,
         girths=report.get("girths_mm") or (),
         strains=strain_rows(report),

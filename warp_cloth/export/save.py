@@ -83,7 +83,7 @@ def head_of(fit: FitResult) -> preview.Head:
 def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
     """Writes the worn garments in every format, and the layer over the user's stage."""
     from warp_cloth.export.meshes import write_glb, write_obj
-    from warp_cloth.export.point_cache import write_point_caches
+    from warp_cloth.export.point_cache import BODY, write_point_caches
 
     check_inputs_kept(fit.scene, folder, formats)
     ranges = fit.maps.ranges if fit.maps is not None else {}
@@ -97,7 +97,8 @@ def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Seq
         elif suffix == "obj":
             paths.append(write_obj(path, garments=fit.garments))
         elif suffix == "pc2":
-            paths += write_point_caches(path, garments=fit.garments)
+            moves = {BODY: fit.avatar_frames} if fit.avatar_frames is not None else {}
+            paths += write_point_caches(path, garments=fit.garments, others=moves)
             continue
         else:
             stage.write_stage(
@@ -109,6 +110,7 @@ def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Seq
                 colour=colour,
                 asset=asset,
                 flat=patterned(fit.scene),
+                avatar_frames=fit.avatar_frames,
             )
         paths.append(path)
     staged = staged_garments(fit)

@@ -47,6 +47,7 @@ def write_stage(
     colour: str = "",
     asset: AvatarAsset | None = None,
     flat: Collection[int] = (),
+    avatar_frames: NDArray[np.float32] | None = None,
 ) -> None:
     """Writes garments and avatar as one stage in metres: /NAME/GARMENT/GARMENT_mesh, /NAME/materials.
 
@@ -54,7 +55,8 @@ def write_stage(
 
     Points, normals and extent have time samples only where garments have frames. ``ranges`` are those of the colours
     of maps; the map named ``colour`` also becomes displayColor. An avatar that came from a USD file (``asset``) is
-    referenced, not copied. Nothing is written if a value is not finite (ValueError).
+    referenced, not copied, unless it moves (``avatar_frames`` [m], shape [N, V, 3]). Nothing is written if a value is
+    not finite (ValueError).
     """
     if path.suffix not in SUFFIXES:
         raise InputError(path, f"is not a USD file name ({', '.join(SUFFIXES)})", "use the suffix .usdc")
@@ -83,10 +85,10 @@ def write_stage(
         author_physics(surface, garment, material)
     if avatar is not None:
         part = author_part(root, avatar.name, unique_identifier(avatar.name, "avatar", taken), assembled)
-        if asset is None or not author_reference(part, asset, path):
+        if asset is None or avatar_frames is not None or not author_reference(part, asset, path):
             look = unique_identifier(avatar.name, "avatar", looks)
             material = author_material(root, look, AVATAR_COLOUR, AVATAR_ROUGHNESS)
-            surface = author_mesh(part, avatar, avatar.points, None)
+            surface = author_mesh(part, avatar, avatar.points, avatar_frames)
             bind(surface.GetPrim(), material)
             author_collider(surface)
     save(stage, path)

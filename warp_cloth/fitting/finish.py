@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.threads import map_in_threads
 from warp_cloth.fitting.attempts import Course, Run
+from warp_cloth.fitting.film import Dressing, Film, film_of
 from warp_cloth.fitting.problem import Problem, tolerance_of
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.result import FitResult, Strain, WornGarment
@@ -30,6 +28,7 @@ def finish_fits(
     *,
     clock: StageClock,
     frames: int = 0,
+    dressings: Sequence[Dressing] = (),
 ) -> list[FitResult]:
     """Measures relaxed scenes, finds their problems, and writes their reports.
 
@@ -38,6 +37,7 @@ def finish_fits(
         courses: of each scene; the best run of each is the problem's.
         clock: of the stages, for all scenes together.
         frames: number of intermediate shapes that each garment keeps.
+        dressings: of each garment of a lone scene, where it was dressed on a body that moved.
     """
     runs = [course.best for course in courses]
     outcomes = [run.outcome for run in runs]
@@ -46,9 +46,10 @@ def finish_fits(
     results = []
     for course, run, found in zip(courses, runs, measured, strict=True):
         scene, outfit, outcome = run.attempt.scene, problem.outfits[run.item], run.outcome
+        film = film_of(course, outfit, frames, dressings) if frames else None
         garments = tuple(
             replace(worn, fields=found.crossings.marked(index, worn.mesh))
-            for index, worn in enumerate(_worn_garments(scene, outfit, outcome, frames))
+            for index, worn in enumerate(_worn_garments(scene, outfit, outcome, film))
         )
         problems = find_problems(scene, outfit, outcome, found, tolerance_of(scene))
         worn, message = is_worn(outcome.status, problems), verdict(outcome, problems)
@@ -66,7 +67,9 @@ def finish_fits(
             device=problem.model.device,
         )
         ended = outcome.status, worn, problems, message
-        results.append(FitResult(run.attempt.stated, *ended, garments, outfit.avatar, report, problem.model.device))
+        made = garments, outfit.avatar, report, problem.model.device
+        moves = None if film is None else film.avatar
+        results.append(FitResult(run.attempt.stated, *ended, *made, avatar_frames=moves))
     clock.lap("measure")
     return results
 
@@ -97,25 +100,13 @@ def _measure(problem: Problem, runs: Sequence[Run]) -> list[Measurements]:
     ]
 
 
-def _worn_garments(scene: Scene, outfit: Outfit, outcome: Outcome, frames: int) -> tuple[WornGarment, ...]:
+def _worn_garments(scene: Scene, outfit: Outfit, outcome: Outcome, film: Film | None) -> tuple[WornGarment, ...]:
     worn = []
     first = 0
-    for spec, mesh, garment in zip(scene.garments, outfit.meshes, outfit.garments, strict=True):
+    for number, (spec, mesh, garment) in enumerate(zip(scene.garments, outfit.meshes, outfit.garments, strict=True)):
         vertices = slice(first, first + mesh.vertex_count)
         first = vertices.stop
         points: Points = outcome.points[vertices]
-        shapes = _chosen_frames(outcome, vertices, mesh.points, points, frames) if frames else None
-        fabric = spec.fabric
+        shapes, fabric = None if film is None else film.garments[number], spec.fabric
         worn.append(WornGarment(spec.name, mesh, points, fabric.thickness, shapes, fabric=fabric, rest=garment.rest))
     return tuple(worn)
-
-
-def _chosen_frames(outcome: Outcome, vertices: slice, first: Points, last: Points, count: int) -> NDArray[np.float32]:
-    """``count`` shapes: the loaded one first, then evenly chosen ones, the worn one last; shape [count, V, 3].
-
-    Where fewer shapes are known than frames are requested, each serves for several frames.
-    """
-    shapes = [shape[vertices] for iteration, shape in outcome.frames if iteration < outcome.iterations]
-    known = [first.astype(np.float32), *(shape for shape in shapes if np.isfinite(shape).all())]
-    picks = np.linspace(0, len(known) - 1, count - 1).round().astype(int)
-    return np.stack([*(known[pick] for pick in picks), last.astype(np.float32)])

@@ -20,6 +20,7 @@ from warp_cloth.base.first_run import note_kernels
 from warp_cloth.base.threads import one_thread_at_a_time
 from warp_cloth.export.formats import check_frames, chosen_formats
 from warp_cloth.fitting.attempts import finished_runs, tried_further
+from warp_cloth.fitting.film import Dressing
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.measured_maps import with_maps
 from warp_cloth.fitting.predrape import prepare_start
@@ -32,9 +33,12 @@ from warp_cloth.model.attempt import Patience
 from warp_cloth.model.result import FitResult, LevelRun
 from warp_cloth.report.shown import shown_verdict
 from warp_cloth.scene import Scene, load_scene
+from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.solver.certificate.certifier import Check
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 
+MOST_KEPT = 256  # entries of either cache; a T-shirt's fabric takes 2 and its size about 10, of some megabytes together
+DEVICE_BYTES = 1 << 28  # [bytes] of colliders that later answers may use
 MOST_FRAMES = 10_000  # intermediate shapes; for a garment of 10,000 vertices that is 1.2 GB
 
 
@@ -66,6 +70,7 @@ class Fit(FitResult):
     report    what report.json holds
     device    on which it was made
     maps      ranges of the requested maps' colours; None: no maps
+    avatar_frames  its intermediate shapes, float32 [N, V, 3], where it moved to dress; None: it stands still
     ease      girths as cut less the body's [m], by garment and level
     """
 
@@ -143,13 +148,15 @@ def fit(
 
     Args:
         scene: the name of a shipped scene, a scene file (TOML), a USD stage, a dict with the keys of a scene file, or
-            the result of ``load_scene``; or, with ``on``, a garment's mesh file.
-        on: the body's mesh file, or "mannequin": ``fit("shirt.obj", on="body.obj", fabric="jersey")`` needs no scene.
-        fabric: of that garment: a shipped name, a .toml file, a table or a ``Fabric``.
+            the result of ``load_scene``; or, with ``on``, a garment's mesh or pattern.
+        on: a body's mesh file, or "mannequin", in place of the scene's avatar; ``fit("shirt.obj", on="body.obj",
+            fabric="jersey")`` needs no scene.
+        fabric: of all garments: a shipped name, a .toml file, a table or a ``Fabric``.
         device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
         overrides: changes to the scene, each ``"KEY=VALUE"``, or a dict: ``{"garment.fabric": "denim"}``; not for a
             scene that is loaded already.
-        frames: number of intermediate shapes to keep.
+        frames: number of intermediate shapes to keep; where the garments were dressed on a moving body, half of them
+            show that, and ``avatar_frames`` holds the body's.
         maps: fit maps to compute, such as "strain,pressure,gap", or "all".
         start: an earlier result, or its file (.usdc, .obj, .glb and the like). The garments start as they are worn
             there, if they have the same mesh or panels of the same names.
@@ -168,6 +175,17 @@ class Caches:
 
     meshes: MeshCache = field(default_factory=MeshCache)
     problems: Cache = field(default_factory=Cache)
+
+    @classmethod
+    def that_stay(cls) -> Caches:
+        """Empty ones, for fits without end: what they hold on the device is limited."""
+        caches = cls()
+        caches.problems.limit = DEVICE_BYTES
+        return caches
+
+    def not_full(self) -> Caches:
+        """These, or empty ones in their place where they hold too much."""
+        return self if max(self.meshes.count, self.problems.count) <= MOST_KEPT else Caches.that_stay()
 
 
 @one_thread_at_a_time
@@ -200,10 +218,12 @@ def fit_loaded(
         chosen, device_name, mesh_cache=caches.meshes, cache=cache, clock=clock, may_pose=earlier is None
     )
 
+    watched: list[Dressing] | None = [] if frames and not _from_stage(chosen) else None
+
     def begin(problem: Problem) -> tuple[LevelRun, ...]:
         """Brings the garments to where every attempt starts: the earlier result, if there is one."""
         if earlier is None or problem.attempts[0].posed:
-            return prepare_start(problem, cache, clock)
+            return prepare_start(problem, cache, clock, watched)
         if not start_from(problem, earlier):
             place = start if isinstance(start, str | Path) else "start"
             fault = "its garments have neither the mesh nor the panels of the scene's garments"
@@ -220,11 +240,16 @@ def fit_loaded(
     course = tried_further(first, begin, relax, cache=cache, clock=clock)
     problem = course.best.problem
     report_progress(Progress("measure"))
-    (result,) = finish_fits(problem, [course], clock=clock, frames=frames)
+    (result,) = finish_fits(problem, [course], clock=clock, frames=frames, dressings=watched or ())
     fitted = Fit.of(with_maps(result, map_names, problem) if map_names else result)
     clock.lap("measure")
     note_kernels(device_name, wp.config.kernel_cache_dir)
     return fitted
+
+
+def _from_stage(scene: Scene) -> bool:
+    """Whether a garment comes from a USD stage: a layer over that can move garments, but not its avatar."""
+    return any(spec.mesh is not None and spec.mesh.suffix.lower() in USD_SUFFIXES for spec in scene.garments)
 
 
 def loaded_scene(scene: Any, overrides: Any, on: Any, fabric: Any) -> Scene:

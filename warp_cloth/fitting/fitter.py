@@ -14,9 +14,6 @@ from warp_cloth.fitting.fit import Caches, Fit, Progress, fit_loaded
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.scene.overrides import overrides_of
 
-MOST_KEPT = 256  # entries of either cache; a T-shirt's fabric takes 2 and its size about 10, of some megabytes together
-DEVICE_BYTES = 1 << 28  # [bytes] of colliders that later answers may use
-
 
 class Fitter:
     """Fits one scene again and again; what does not change is kept from answer to answer.
@@ -54,7 +51,7 @@ class Fitter:
         self._load = partial(load_scene, garment, on=avatar)
         self._load(self._given)
         self.device = device_named(device)
-        self._caches = _empty()
+        self._caches = Caches.that_stay()
 
     def fit(
         self,
@@ -94,12 +91,5 @@ class Fitter:
         changes = overrides_of({key: value for key, value in named.items() if value is not None})
         load = partial(self._load, [*self._given, *changes, *overrides_of(overrides)])
         with LAUNCH_LOCK:
-            if max(self._caches.meshes.count, self._caches.problems.count) > MOST_KEPT:
-                self._caches = _empty()
+            self._caches = self._caches.not_full()
             return fit_loaded(load, self.device, self._caches, frames=frames, maps=maps, start=start, progress=progress)
-
-
-def _empty() -> Caches:
-    caches = Caches()
-    caches.problems.limit = DEVICE_BYTES
-    return caches

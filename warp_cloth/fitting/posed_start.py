@@ -24,6 +24,7 @@ from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
 from warp_cloth.dressing.skirts import skirt_closed
+from warp_cloth.fitting.film import DressedShape, Dressing
 from warp_cloth.fitting.problem import Problem, build_problem
 from warp_cloth.garment.outfit import Outfit, garments_in
 from warp_cloth.kernels.avatar.field import ContactField, field_contact
@@ -73,13 +74,16 @@ class _PosedStart:
 
     points: Points | None  # [m], shape [V, 3]; None: it diverged
     run: LevelRun
+    shapes: Dressing = ()  # on the way, where they were to be watched
 
 
-def start_posed(problem: Problem, cache: Cache, clock: StageClock) -> tuple[LevelRun, ...]:
+def start_posed(
+    problem: Problem, cache: Cache, clock: StageClock, watched: list[Dressing] | None = None
+) -> tuple[LevelRun, ...]:
     """Moves a lone scene's garments to where they are sewn and worn by the avatar; returns the relaxations of each.
 
     Each by itself, the same for all fabrics and frictions, so it is made once for each garment and avatar. Garments
-    that lie on each other are parted by the fit, inner to outer.
+    that lie on each other are parted by the fit, inner to outer. ``watched`` takes the shapes of each on its way.
     """
     (scene,), (outfit,) = problem.scenes, problem.loaded
     device = problem.model.device
@@ -87,10 +91,12 @@ def start_posed(problem: Problem, cache: Cache, clock: StageClock) -> tuple[Leve
     for index, garment in enumerate(outfit.garments):
         alone = _alone(scene, outfit, index)
         sources = outfit.avatar, garment.points, garment.rest.topology
-        make = partial(_sewn_and_carried, *alone, str(device), OFFSET + index * LAYER, clock)
-        starts.append(
-            cache.get_or_make(CACHE_NAME, sources, make, index, scene.solver.precision, scene.collision.cloth, device)
-        )
+        watching = watched is not None
+        make = partial(_sewn_and_carried, *alone, str(device), OFFSET + index * LAYER, clock, watching)
+        how = scene.solver.precision, scene.collision.cloth, device, watching
+        starts.append(cache.get_or_make(CACHE_NAME, sources, make, index, *how))
+    if watched is not None:
+        watched[:] = [start.shapes for start in starts]
     parts = [start.points for start in starts if start.points is not None]
     if len(parts) == len(starts):
         points = np.concatenate(parts)
@@ -114,8 +120,11 @@ def _alone(scene: Scene, outfit: Outfit, index: int) -> tuple[Scene, Outfit]:
     return scene.model_copy(update={"garments": scene.garments[one]}), lone
 
 
-def _sewn_and_carried(scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock) -> _PosedStart:
+def _sewn_and_carried(
+    scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock, watching: bool
+) -> _PosedStart:
     dressing = _Dressing(scene, outfit, device, offset, clock)
+    dressing.shapes = [] if watching else None
     dressing.sew()
     if dressing.wearing.hangs_from_waist:
         dressing.lift()
@@ -152,6 +161,7 @@ class _Dressing:
         self._collider = _BodyCollider(avatar.triangles, device, offset)
         self._meet_body()
         self._iterations = 0
+        self.shapes: list[DressedShape] | None = None  # on the way; None: nobody watches
 
     @cached_property
     def _no_sleeves(self) -> list[Indices]:
@@ -232,7 +242,7 @@ class _Dressing:
         points = self._points
         is_finite = bool(np.isfinite(points).all())
         run = LevelRun(len(points), self._iterations, Status.ITERATION_LIMIT if is_finite else Status.DIVERGED)
-        return _PosedStart(points if is_finite else None, run)
+        return _PosedStart(points if is_finite else None, run, tuple(self.shapes or ()))
 
     @property
     def _points(self) -> Points:
@@ -258,6 +268,9 @@ class _Dressing:
         self._iterations += count
         if problem.schedule is not None:
             problem.schedule.advance(self._iterations)
+        if self.shapes is not None:
+            shape = DressedShape(self._surface.astype(np.float32), self._points.astype(np.float32))
+            self.shapes.append(shape)
 
 
 def _thickness(done: float) -> float:

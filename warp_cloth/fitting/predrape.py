@@ -10,6 +10,7 @@ from typing import Any
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Points
+from warp_cloth.fitting.film import Dressing
 from warp_cloth.fitting.posed_start import start_posed
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse
 from warp_cloth.garment.outfit import Outfit
@@ -66,10 +67,15 @@ def build_predrape(problem: Problem, cache: Cache, clock: StageClock | None = No
     return Predrape(tuple(keys), missing_keys, own, cache)
 
 
-def prepare_start(problem: Problem, cache: Cache, clock: StageClock) -> tuple[LevelRun, ...]:
-    """Brings a lone scene's garments to where its fit starts; returns the relaxations that this took."""
+def prepare_start(
+    problem: Problem, cache: Cache, clock: StageClock, watched: list[Dressing] | None = None
+) -> tuple[LevelRun, ...]:
+    """Brings a lone scene's garments to where its fit starts; returns the relaxations that this took.
+
+    ``watched`` takes the shapes of each garment while it is dressed.
+    """
     if problem.attempts[0].posed:
-        return start_posed(problem, cache, clock)
+        return start_posed(problem, cache, clock, watched)
     predrape = build_predrape(problem, cache, clock)
     clock.lap("build")
     if predrape is None:

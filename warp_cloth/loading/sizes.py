@@ -241,15 +241,18 @@ def _remedy(key: str, garment: Mesh, avatar: Mesh) -> str:
             scale = METRES_PER[unit] / METRES_PER.get(avatar.unit, 1.0)  # type: ignore[call-overload]
             options.append((was_guessed(avatar), "avatar", unit, 1.0, scale))
     options.sort(key=lambda option: not option[0])
-    for _, name, unit, scale_g, scale_a in options:
-        ratio, gap = _fit_of(garment, avatar, scale_g, scale_a)
-        sane = _fits(_extent(garment) * scale_g, PLAUSIBLE["garment"])
-        sane = sane and _fits(_extent(avatar) * scale_a, PLAUSIBLE["avatar"])
-        if sane and _fits(ratio, RATIO) and gap <= GAP:
-            return f'likely {_PLURALS[unit]}: set {name}.units = "{unit}"'
-    for role, name, mesh in (("garment", key, garment), ("avatar", "avatar", avatar)):
-        if (
-            was_guessed(mesh) and _fit_of(garment, avatar, 1.0, 1.0, stand=role)[1] == 0.0
-        ):  # only formats without an up axis are guessed
+    # only formats without an up axis are guessed
+    lying = [(role, name) for role, name, mesh in (("garment", key, garment), ("avatar", "avatar", avatar))
+             if was_guessed(mesh)]  # fmt: skip
+    for stand, standing in (("", ""), *lying):
+        for _, name, unit, scale_g, scale_a in options:
+            ratio, gap = _fit_of(garment, avatar, scale_g, scale_a, stand=stand)
+            sane = _fits(_extent(garment) * scale_g, PLAUSIBLE["garment"])
+            sane = sane and _fits(_extent(avatar) * scale_a, PLAUSIBLE["avatar"])
+            if sane and _fits(ratio, RATIO) and gap <= (0.0 if stand else GAP):
+                also = f', and z up: set {standing}.up = "z"' if stand else ""
+                return f'likely {_PLURALS[unit]}: set {name}.units = "{unit}"{also}'
+    for role, name in lying:
+        if _fit_of(garment, avatar, 1.0, 1.0, stand=role)[1] == 0.0:
             return f'if its file is z up, set {name}.up = "z"; or place the garment round the avatar: {key}.translate'
     return f"set {key}.units and avatar.units, and place the garment round the avatar: {key}.translate"

@@ -172,6 +172,7 @@ class FitResult:
     report: dict[str, Any]  # the content of report.json
     device: str
     maps: FitMaps | None = None  # None: no maps were requested
+    avatar_frames: NDArray[np.float32] | None = None  # [m], shape [N, V, 3], with those of the garments; None: it stays
 
 
 def matched(available: Sequence[str], wanted: Sequence[str]) -> list[int] | None:

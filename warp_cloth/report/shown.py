@@ -1,9 +1,10 @@
-"""What a report says first, in words: the verdict, and the ease that a tailor reads."""
+"""What a report says first, in words: the verdict, what was fitted, and the ease that a tailor reads."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 LEVELS = ("chest", "waist", "hip")
@@ -47,6 +48,28 @@ def ease_lines(report: Mapping[str, Any]) -> list[str]:
         name = f"{garment}: " if len(eases) > 1 else ""
         lines.append(name + ", ".join(f"{level} {text}" for level, text in levels.items()))
     return lines or ([f"not measured: {report['no_girths']}"] if report.get("no_girths") else [])
+
+
+def fitted_lines(report: Mapping[str, Any]) -> list[str]:
+    """One line for each garment, such as "shirt.obj, in jersey of 160 g/m2, on body.obj"."""
+    settings = report.get("settings") or {}
+    body = _source(settings.get("avatar") or {})
+    lines = []
+    for garment in settings.get("garment") or ():
+        fabric = garment["fabric"]
+        parts = [_source(garment), f"in {fabric['name']} of {1e3 * fabric['weight']:.0f} g/m2", body and f"on {body}"]
+        lines.append(", ".join(filter(None, parts)))
+    return lines
+
+
+def _source(table: Mapping[str, Any]) -> str:
+    """Where a garment or a body comes from, in a word or two: its file's name, or its kind of shape, and its size."""
+    file, shape = table.get("mesh") or table.get("pattern"), table.get("shape") or {}
+    if file:
+        return " ".join(filter(None, (Path(file).name, table.get("size") or "")))
+    if table.get("measures"):
+        return "a mannequin of these measures"
+    return " ".join(filter(None, (shape.get("kind", ""), str(shape.get("size") or ""))))
 
 
 def percent(strain: float) -> str:

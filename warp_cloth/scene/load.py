@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -20,7 +20,17 @@ from warp_cloth.scene.overrides import Override, apply_override, overrides_of, p
 from warp_cloth.scene.paths import file_stem
 from warp_cloth.scene.schema import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, stage_values
-from warp_cloth.scene.worn_on import MESH_SUFFIXES, PATTERN_SUFFIXES, is_mesh, missing_file, worn_on
+from warp_cloth.scene.worn_on import (
+    MESH_SUFFIXES,
+    PATTERN_SUFFIXES,
+    body_named,
+    in_fabric,
+    is_mesh,
+    missing_file,
+    worn_on,
+)
+
+OF_ANY_BODY = ("friction",)  # keys of a scene's avatar that hold for another body, too
 
 
 @dataclass(frozen=True)
@@ -48,11 +58,11 @@ def load_scene(
     overrides from there, or else from the current folder.
 
     Args:
-        source: the scene, or with ``on`` a garment's mesh file.
+        source: the scene, or with ``on`` a garment's mesh or pattern.
         overrides: changes: ``KEY=VALUE`` strings, each a dotted key, and a value in TOML or plain text; or a dictionary
             of dotted keys and values.
-        on: a body's mesh file, or "mannequin": what the garment is worn on.
-        fabric: of that garment: a shipped name, a .toml file, a table or a ``Fabric``.
+        on: a body's mesh file, or "mannequin": what the garments are worn on, instead of the scene's avatar.
+        fabric: of all garments: a shipped name, a .toml file, a table or a ``Fabric``.
 
     Raises:
         InputError: the scene cannot be read, or a key or value is wrong.
@@ -90,12 +100,36 @@ def scene_of_body(source: str, overrides: Sequence[str] = ()) -> Scene | None:
 
 def _read(source: Any, on: Any, fabric: Any) -> _Source:
     """A scene's values as they are read, from wherever they come."""
-    if on is not None:
-        path = _garment_file(source)
+    if on is not None and not _is_scene(source):
+        path = arguments.path(source, "scene")
         values, stated = worn_on(path, on, fabric)
         return _Source(str(path), file_stem(path), Path(), values, stated=stated)
-    if fabric is not None:
-        raise InputError("fabric", "is for a garment's mesh and a body", "of a scene, override garment.fabric=NAME")
+    found = _read_scene(source)
+    stated = in_fabric(found.values, _from_here(fabric) if str(fabric).lower().endswith(".toml") else fabric)
+    if on is None:
+        return replace(found, stated=stated)
+    avatar, of_body = body_named(_from_here(on))
+    before = found.values.get("avatar")
+    kept = {key: before[key] for key in OF_ANY_BODY if isinstance(before, dict) and key in before}
+    return replace(found, values={**found.values, "avatar": {**kept, **avatar}}, stated={**stated, **of_body})
+
+
+def _is_scene(source: Any) -> bool:
+    """Whether a source names its body, unless another one is stated; else it is a garment's mesh or pattern."""
+    if isinstance(source, Mapping):
+        return True
+    path = arguments.path(source, "scene")
+    return str(source) in shipped_scenes() or path.suffix.lower() == ".toml"
+
+
+def _from_here(value: Any) -> Any:
+    """A file in the current folder, where it was typed, as such wherever the scene is; anything else unchanged."""
+    named = isinstance(value, str | Path) and exists(Path(value)) and Path(value).is_file()
+    return Path(value).absolute() if named else value
+
+
+def _read_scene(source: Any) -> _Source:
+    """A scene's values as they are read from a dictionary, a file or a stage."""
     if isinstance(source, Mapping):
         return _Source("scene", "scene", Path(), plain(source))
     path = _scene_file(source if isinstance(source, str) else arguments.path(source, "scene"))
@@ -106,17 +140,6 @@ def _read(source: Any, on: Any, fabric: Any) -> _Source:
     if path.suffix.lower() in USD_SUFFIXES:
         return _Source(str(path), path.stem, path.parent, stage_values(path), path)
     return _Source(str(path), path.stem, path.parent, read_toml(path, "scene file"))
-
-
-def _garment_file(source: Any) -> Path:
-    """The mesh file that is worn on a body; what is a scene is refused, as it names its body."""
-    remedy = 'override avatar.mesh="BODY.obj" instead'
-    if isinstance(source, Mapping):
-        raise InputError("on", "is for a garment's mesh, but a scene is given, which names its body", remedy)
-    path = arguments.path(source, "scene")
-    if str(source) in shipped_scenes() or path.suffix.lower() == ".toml":
-        raise InputError("on", f"is for a garment's mesh, but {path} is a scene, which names its body", remedy)
-    return path
 
 
 def shipped_scenes() -> dict[str, Path]:

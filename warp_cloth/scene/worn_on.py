@@ -31,26 +31,38 @@ def worn_on(garment: Path, on: Any, fabric: Any) -> tuple[dict[str, Any], dict[s
         raise missing_file(garment)
     if garment.is_dir():
         raise InputError(garment, "is a folder", "name a mesh file in it")
-    stated = {"garment": str(garment)}
-    if on == MANNEQUIN and not exists(Path(on)):
-        avatar: dict[str, Any] = {"shape": {"kind": "mannequin"}}
-    else:
-        body = arguments.path(on, "on")
-        if body.suffix.lower() == ".toml":
-            raise InputError("on", f"{body} is a scene, not a body", "give a body's mesh file")
-        if not exists(body):
-            raise missing_file(body, MANNEQUIN)
-        if body.suffix.lower() in MESH_SUFFIXES and body.resolve() == garment.resolve():
-            raise InputError("on", f"{body} is the garment, too", "give the body's mesh file")
-        avatar, stated["avatar"] = {"mesh": str(body)}, str(body)
+    avatar, stated = body_named(on)
+    body = avatar.get("mesh", "")
+    if Path(body).suffix.lower() in MESH_SUFFIXES and Path(body).resolve() == garment.resolve():
+        raise InputError("on", f"{body} is the garment, too", "give the body's mesh file")
     values = {"garment": _garment(garment), "avatar": avatar}
-    if fabric is not None:
-        garments = values["garment"] if isinstance(values["garment"], list) else [values["garment"]]
-        for each in garments:
-            each["fabric"] = fabric
-        many = len(garments) > 1
-        stated |= {f"garment[{index}].fabric" if many else "garment.fabric": "fabric" for index in range(len(garments))}
-    return values, stated
+    return values, {"garment": str(garment), **stated, **in_fabric(values, fabric)}
+
+
+def body_named(on: Any) -> tuple[dict[str, Any], dict[str, str]]:
+    """The table of the avatar that ``on`` names, and what it states, by dotted key."""
+    if on == MANNEQUIN and not exists(Path(on)):
+        return {"shape": {"kind": "mannequin"}}, {}
+    body = arguments.path(on, "on")
+    if body.suffix.lower() == ".toml":
+        raise InputError("on", f"{body} is a scene, not a body", "give a body's mesh file")
+    if not exists(body):
+        raise missing_file(body, MANNEQUIN)
+    return {"mesh": str(body)}, {"avatar": str(body)}
+
+
+def in_fabric(values: dict[str, Any], fabric: Any) -> dict[str, str]:
+    """Gives all garments of a scene's values this fabric, if there is one; returns what that states, by dotted key."""
+    garments = values.get("garment")
+    tables = {"garment": garments}
+    if isinstance(garments, list):
+        tables = {f"garment[{index}]": each for index, each in enumerate(garments)}
+    if fabric is None:
+        return {}
+    for table in tables.values():
+        if isinstance(table, dict):
+            table["fabric"] = fabric
+    return {f"{key}.fabric": "fabric" for key in tables}
 
 
 def _garment(path: Path) -> Any:

@@ -6,6 +6,7 @@ import itertools
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,6 @@ from warp_cloth.base.mesh import Points
 from warp_cloth.fitting.attempts import Course, finished_runs
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.fit import Caches, Fit, Progress, fit_loaded
-from warp_cloth.fitting.fitter import DEVICE_BYTES, MOST_KEPT
 from warp_cloth.fitting.problem import Problem, build_problem, load_problem, tolerance_of
 from warp_cloth.fitting.warm_start import start_from
 from warp_cloth.garment.outfit import load_outfit
@@ -78,11 +78,13 @@ class LiveFit:
         changes: Mapping[str, str],
         device: str | None,
         progress: Callable[[str], None] = lambda _: None,
+        on: str | Path | None = None,
+        fabric: Any = None,
     ) -> None:
-        """Loads ``load_scene(source, changes)``; ``progress`` is called with each stage of the first build."""
-        self._source = source
+        """Loads ``load_scene(source, changes, on=on, fabric=fabric)``; ``progress`` is called with each first stage."""
+        self._load_changed = partial(load_scene, source, on=on, fabric=fabric)
         self._changes = self._first = dict(changes)
-        self._caches = _empty()
+        self._caches = Caches.that_stay()
         self.device = device_named(device)
         self.scene = self._load(self._changes)
         self.problem: Problem = load_problem(
@@ -92,8 +94,7 @@ class LiveFit:
 
     def _shared(self) -> dict[str, Any]:
         """What every problem is built with: what those before it left, as in a ``Fitter``."""
-        if max(self._caches.meshes.count, self._caches.problems.count) > MOST_KEPT:
-            self._caches = _empty()
+        self._caches = self._caches.not_full()
         return {"cache": self._caches.problems}
 
     def _load(self, changes: Mapping[str, str]) -> Scene:
@@ -104,7 +105,7 @@ class LiveFit:
         return scene.model_copy(update={"collision": scene.collision.model_copy(update={"cloth": False})})
 
     def _load_whole(self, changes: Mapping[str, str]) -> Scene:
-        return load_scene(self._source, [f"{key}={value}" for key, value in changes.items()])
+        return self._load_changed([f"{key}={value}" for key, value in changes.items()])
 
     def _start(self) -> None:
         self.iteration = 0
@@ -302,9 +303,3 @@ class LiveFit:
         state = "At rest" if self.at_rest else "Relaxing"
         residual = self.check.residual.relative_rms
         return f"{state}: {self.iteration:,} iterations, residual {residual:.2g}, rest error {rest}"
-
-
-def _empty() -> Caches:
-    caches = Caches()
-    caches.problems.limit = DEVICE_BYTES
-    return caches
