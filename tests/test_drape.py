@@ -15,7 +15,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.cli.main import app
 from warp_cloth.drape.outline import ANGLES, Outline, outline_of_points
 from warp_cloth.drape.reading import Setting, read_drape
-from warp_cloth.drape.simulated import bending_lengths, random_start, simulate, with_bending_lengths
+from warp_cloth.drape.simulated import Trial, bending_lengths, random_start, simulate, with_bending_lengths
 from warp_cloth.drape.table import KNOWN_CLASS, drapes_of_ratio, estimate
 from warp_cloth.material.fabric import fabric_named, load_fabric, resolve_fabric
 from warp_cloth.material.laboratory import KES_BENDING
@@ -167,8 +167,8 @@ def test_a_drape_has_no_size() -> None:
     small = with_bending_lengths(
         replace(cloth, stretch_warp=cloth.stretch_warp / 2, stretch_weft=cloth.stretch_weft / 2), 0.015, 0.015
     )
-    (large,) = simulate(cloth, 0.09, 5.0 / 3.0, [random_start(0)], rings=8)
-    (half,) = simulate(small, 0.045, 5.0 / 3.0, [random_start(0)], rings=8)
+    (large,) = simulate([Trial(cloth, random_start(0))], 0.09, 5.0 / 3.0, rings=8)
+    (half,) = simulate([Trial(small, random_start(0))], 0.045, 5.0 / 3.0, rings=8)
     assert half.outline.radius == pytest.approx(large.outline.radius, abs=1e-4)
 
 
