@@ -109,7 +109,7 @@ def test_a_finer_disc_lies_where_the_coarser_one_does() -> None:
         return points + np.column_stack([0.0 * radius, 0.3 * radius * np.cos(3.0 * turn), 0.0 * radius])
 
     # chords miss a wave by its height times (phase between vertices)^2 / 8: 1.6 mm in the innermost ring
-    assert on_finer_disc(coarse, bent(coarse.points), fine) == pytest.approx(bent(fine.points), abs=2.5e-3)
+    assert on_finer_disc(coarse, bent(coarse.points), fine) == pytest.approx(bent(fine.points), abs=1.5e-3)
     same = on_finer_disc(coarse, bent(coarse.points), coarse)
     assert same == pytest.approx(bent(coarse.points), abs=1e-12)
 
@@ -146,8 +146,8 @@ def test_a_discs_triangles_run_in_all_directions() -> None:
         assert flat is not None
         sides = (flat - np.roll(flat, 1, axis=1)).reshape(-1, 2)
         turn = np.arctan2(sides[:, 1], sides[:, 0])
-        for symmetry in (2, 4, 6):  # rings in six sides have 0.05, 0.1 and 0.5
-            assert abs(np.exp(1j * symmetry * turn).mean()) < 0.03
+        for symmetry in (2, 4, 6):  # rings in six sides have up to 0.4
+            assert abs(np.exp(1j * symmetry * turn).mean()) < 0.06
 
 
 def test_the_coefficient_does_not_hang_on_the_mesh() -> None:
@@ -160,7 +160,7 @@ def test_vertices_weigh_what_they_stand_for() -> None:
     mesh = disc(0.15, 0.06, 0.005)
     radius = np.hypot(mesh.points[:, 0], mesh.points[:, 2])
     weights = weights_by_area(mesh, 0.1)
-    area = np.pi * (0.15**2 - 0.06**2)
+    area = np.pi * (0.15**2 - radius.min() ** 2)
     assert weights.sum() == pytest.approx(0.1 * 9.80665 * area, rel=3e-3)  # less what polygons lack of circles
     inner, rim = weights[(radius > 0.061) & (radius < 0.149)], weights[radius > 0.149]
     assert rim.mean() == pytest.approx(0.5 * inner.mean(), rel=0.1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
 from warp_cloth.base.mesh import Indices, Mesh, Points
@@ -76,10 +76,15 @@ def _centred(flat: Points, triangles: Indices) -> Points:
 def on_finer_disc(coarse: Mesh, points: Points, fine: Mesh) -> Points:
     """Interpolated points of a disc [m] from those of a ``coarse`` one; both meshes are as they were cut."""
     flat, wanted = coarse.points[:, [0, 2]], fine.points[:, [0, 2]]
-    # between its vertices the coarse rim, a polygon, lies inside the fine one
-    shape = LinearNDInterpolator(flat, points - coarse.points)(wanted)
-    nearest = NearestNDInterpolator(flat, points - coarse.points)(wanted)
-    return np.asarray(fine.points + np.where(np.isnan(shape), nearest, shape))
+    moved = LinearNDInterpolator(flat, points - coarse.points)
+    shape, away = moved(wanted), np.hypot(wanted[:, 0], wanted[:, 1])
+    # the coarse rim is a polygon: what lies beyond it moves as its nearest side does
+    rim = np.hypot(flat[:, 0], flat[:, 1])
+    sides = int((rim > rim.max() * (1.0 - 1e-9)).sum())
+    within = rim.max() * math.cos(math.pi / sides) * (1.0 - 1e-6)
+    beyond = np.isnan(shape).any(axis=1)
+    shape[beyond] = moved(wanted[beyond] * (within / away[beyond])[:, None])
+    return np.asarray(fine.points + shape)
 
 
 def along(mesh: Mesh) -> tuple[Points, Points]:
