@@ -59,6 +59,13 @@ def test_an_outline_tells_its_area_its_folds_and_their_depth(folds: int) -> None
     assert outline.elongation == pytest.approx(0.0, abs=1e-12)
 
 
+def test_steep_flanks_do_not_widen_an_outline() -> None:
+    turn = 2.0 * np.pi * np.arange(3000) / 3000
+    radius = 1.35 + 0.15 * np.cos(12 * turn)
+    found = outline_of_points(radius * np.cos(turn), radius * np.sin(turn))
+    assert found.coefficient(5.0 / 3.0) == pytest.approx(wave(12, depth=0.15).coefficient(5.0 / 3.0), abs=0.01)
+
+
 def test_an_even_circle_has_no_folds() -> None:
     assert wave(5, depth=0.0).folds == 0
 

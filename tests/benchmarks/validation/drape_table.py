@@ -26,7 +26,7 @@ SHORTEST, LONGEST = 0.05, 0.6  # bending length over the support's radius
 TOGETHER = 3  # lengths that are draped in one batch
 MESHES = 3  # of the discs of one fabric
 CLOTH = Fabric(weight=0.16, stretch_warp=80e3, stretch_weft=80e3, shear=900.0)  # a usual woven's
-COLUMNS = ("ratio", "length", "anisotropy", "disc", "coefficient", "elongation", "folds", "depth")
+COLUMNS = ("ratio", "length", "anisotropy", "disc", "coefficient", "elongation", "folds", "depth", "reach")
 
 
 def drape_rows(cloth: Fabric, discs: int, device: str, rings: int | None, task: tuple[float, list[float]]) -> list[str]:
@@ -45,7 +45,7 @@ def drape_rows(cloth: Fabric, discs: int, device: str, rings: int | None, task: 
     for name, each in zip(names, simulate(trials, SUPPORT_RADIUS, ratio, device=device, rings=rings), strict=True):
         shape = each.outline
         depth = float(np.mean(shape.depths)) if shape.depths else 0.0
-        figures = (shape.coefficient(ratio), shape.elongation, shape.folds, depth)
+        figures = (shape.coefficient(ratio), shape.elongation, shape.folds, depth, shape.reach)
         rows.append(",".join([name, *(f"{figure:.5g}" for figure in figures)]))
     return rows
 
