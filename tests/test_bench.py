@@ -94,20 +94,21 @@ def test_no_disc_is_refused_in_one_line(tmp_path: Path) -> None:
 
 
 def test_pieces_have_the_size_that_they_were_cut_to() -> None:
-    for mesh, area in ((strip(0.05, 0.2, 0.01), 0.01), (disc(0.15, 0.0, 60), 0.15**2 * 3.14159265)):
+    hole = 0.05 - 0.5 * 0.004 * 0.75**0.5  # the innermost ring
+    for mesh, area in ((strip(0.05, 0.2, 0.01), 0.01), (disc(0.15, 0.05, 0.004), (0.15**2 - hole**2) * 3.14159265)):
         corners = mesh.texcoords
         sides = ((corners - corners[:, [1, 2, 0]]) ** 2).sum(axis=2) ** 0.5
         assert triangle_areas(sides).sum() == pytest.approx(area, rel=4e-3)  # the disc is a polygon, with a hole
 
 
 def test_a_finer_disc_lies_where_the_coarser_one_does() -> None:
-    coarse, fine = disc(0.15, 0.06, 10), disc(0.15, 0.075, 20)
+    coarse, fine = disc(0.15, 0.06, 0.015), disc(0.15, 0.075, 0.0075)
 
     def bent(points: np.ndarray) -> np.ndarray:
         radius, turn = np.hypot(points[:, 0], points[:, 2]), np.arctan2(points[:, 2], points[:, 0])
         return points + np.column_stack([0.0 * radius, 0.3 * radius * np.cos(3.0 * turn), 0.0 * radius])
 
-    # chords miss a wave by its height times (phase between vertices)^2 / 8: 1.4 mm in the innermost ring
+    # chords miss a wave by its height times (phase between vertices)^2 / 8: 1.6 mm in the innermost ring
     assert on_finer_disc(coarse, bent(coarse.points), fine) == pytest.approx(bent(fine.points), abs=1.5e-3)
     same = on_finer_disc(coarse, bent(coarse.points), coarse)
     assert same == pytest.approx(bent(coarse.points), abs=1e-12)
@@ -133,9 +134,20 @@ def test_discs_hang_as_each_does_alone() -> None:
 def test_a_disc_bends_from_the_supports_edge_on(rings: int) -> None:
     mesh = drape_disc(rings)
     radius = np.hypot(mesh.points[:, 0], mesh.points[:, 2])
-    held = held_by_support(mesh)
-    outmost, next_out = radius[held].max(), np.delete(radius, held).min()
-    assert (radius.max(), outmost - 0.5 * (next_out - outmost)) == pytest.approx((0.15, SUPPORT_RADIUS), rel=1e-9)
+    held = radius[held_by_support(mesh)]
+    assert (radius.max(), 0.5 * (held.max() + held.min())) == pytest.approx((0.15, SUPPORT_RADIUS), rel=1e-9)
+    assert held.max() - held.min() == pytest.approx(0.15 / rings * 0.75**0.5)
+    assert np.delete(radius, held_by_support(mesh)).min() > held.max()
+
+
+def test_a_discs_triangles_run_in_all_directions() -> None:
+    for seed in range(3):
+        flat = drape_disc(24, seed=seed).texcoords
+        assert flat is not None
+        sides = (flat - np.roll(flat, 1, axis=1)).reshape(-1, 2)
+        turn = np.arctan2(sides[:, 1], sides[:, 0])
+        for symmetry in (2, 4, 6):  # rings in six sides have up to 0.4
+            assert abs(np.exp(1j * symmetry * turn).mean()) < 0.06
 
 
 def test_the_coefficient_does_not_hang_on_the_mesh() -> None:
@@ -145,18 +157,17 @@ def test_the_coefficient_does_not_hang_on_the_mesh() -> None:
 
 
 def test_vertices_weigh_what_they_stand_for() -> None:
-    mesh = disc(0.15, 0.06, 30)
+    mesh = disc(0.15, 0.06, 0.005)
     radius = np.hypot(mesh.points[:, 0], mesh.points[:, 2])
     weights = weights_by_area(mesh, 0.1)
-    area = np.pi * (0.15**2 - 0.06**2)
+    area = np.pi * (0.15**2 - radius.min() ** 2)
     assert weights.sum() == pytest.approx(0.1 * 9.80665 * area, rel=3e-3)  # less what polygons lack of circles
     inner, rim = weights[(radius > 0.061) & (radius < 0.149)], weights[radius > 0.149]
-    assert inner == pytest.approx(inner.mean(), rel=1e-4)
-    assert rim.mean() == pytest.approx(0.5 * inner.mean(), rel=0.02)
+    assert rim.mean() == pytest.approx(0.5 * inner.mean(), rel=0.1)
 
 
 def test_a_flat_disc_covers_its_ring_and_a_hanging_one_does_not() -> None:
-    mesh = disc(0.15, 0.08, 60)
+    mesh = disc(0.15, 0.08, 0.0025)
     assert drape_coefficient(mesh.points, mesh.triangles) == pytest.approx(100.0, abs=0.5)
     hanging = mesh.points.copy()
     hanging[:, [0, 2]] *= 0.5

@@ -15,7 +15,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.cli.main import app
 from warp_cloth.drape.outline import ANGLES, Outline, outline_of_points
 from warp_cloth.drape.reading import Setting, read_drape
-from warp_cloth.drape.simulated import bending_lengths, random_start, simulate, with_bending_lengths
+from warp_cloth.drape.simulated import Trial, bending_lengths, random_start, simulate, with_bending_lengths
 from warp_cloth.drape.table import KNOWN_CLASS, drapes_of_ratio, estimate
 from warp_cloth.material.fabric import fabric_named, load_fabric, resolve_fabric
 from warp_cloth.material.laboratory import KES_BENDING
@@ -57,6 +57,13 @@ def test_an_outline_tells_its_area_its_folds_and_their_depth(folds: int) -> None
     assert outline.folds == folds
     assert outline.depths == pytest.approx([0.24] * folds, rel=1e-3)
     assert outline.elongation == pytest.approx(0.0, abs=1e-12)
+
+
+def test_steep_flanks_do_not_widen_an_outline() -> None:
+    turn = 2.0 * np.pi * np.arange(3000) / 3000
+    radius = 1.35 + 0.15 * np.cos(12 * turn)
+    found = outline_of_points(radius * np.cos(turn), radius * np.sin(turn))
+    assert found.coefficient(5.0 / 3.0) == pytest.approx(wave(12, depth=0.15).coefficient(5.0 / 3.0), abs=0.01)
 
 
 def test_an_even_circle_has_no_folds() -> None:
@@ -167,8 +174,8 @@ def test_a_drape_has_no_size() -> None:
     small = with_bending_lengths(
         replace(cloth, stretch_warp=cloth.stretch_warp / 2, stretch_weft=cloth.stretch_weft / 2), 0.015, 0.015
     )
-    (large,) = simulate(cloth, 0.09, 5.0 / 3.0, [random_start(0)], rings=8)
-    (half,) = simulate(small, 0.045, 5.0 / 3.0, [random_start(0)], rings=8)
+    (large,) = simulate([Trial(cloth, random_start(0))], 0.09, 5.0 / 3.0, rings=8)
+    (half,) = simulate([Trial(small, random_start(0))], 0.045, 5.0 / 3.0, rings=8)
     assert half.outline.radius == pytest.approx(large.outline.radius, abs=1e-4)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from extreme_meshes import Drawn, sheet, write_garment
 
-from warp_cloth.bench.swatch import disc
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.bench.trials import DISC_RADIUS, SUPPORT_RADIUS
 
 STIFFNESS = (2e3, 2e4, 2e5)  # [N/m]
@@ -22,6 +22,7 @@ STRIP = (0.1, 0.3)  # width and length [m]
 CLAMP = 0.02  # of its length [m]
 BULGE = 1e-3  # [m]; cloth that hangs dead flat cannot choose a side to fold to
 HELD = 0.04  # [m] round the middle; cloth pinned at one vertex could spin for ever on a ball without friction
+RING_SIDES = 6  # vertices that a ring has more than the next inner one
 WAVES = (2, 3, 4, 5, 6, 7)  # of a disc's rim
 
 # The rest error's constants were chosen on sheets of other sizes than these, and on none of these discs and T-shirts.
@@ -133,13 +134,40 @@ def _sheet(case: Case, garment: dict[str, Any]) -> Drawn:
 def _disc(case: Case) -> tuple[Drawn, list[int]]:
     """Cusick's disc, its free ring slightly waved, and what its support holds."""
     rings = 5 * round(math.sqrt(case.vertices / 1.92) / 5)  # one of them lies on the support's edge
-    mesh = disc(DISC_RADIUS, SUPPORT_RADIUS * (1.0 - 2.0 / rings), rings)
+    mesh = _ringed(DISC_RADIUS, SUPPORT_RADIUS * (1.0 - 2.0 / rings), rings)
     points, flat = mesh.points.copy(), mesh.points[:, [0, 2]] * [1.0, -1.0]
     radius, angle = np.hypot(flat[:, 0], flat[:, 1]) / SUPPORT_RADIUS, np.arctan2(flat[:, 1], flat[:, 0])
     held = radius < 1.0 + 1e-6
     waves = sum(np.cos(count * angle + count**2) for count in WAVES)
     points[:, 1] += 1.0 + BULGE * np.where(held, 0.0, waves * (radius - 1.0) ** 2)
     return (points, mesh.triangles.astype(np.int64), flat), [int(vertex) for vertex in np.flatnonzero(held)]
+
+
+def _ringed(radius: float, hole: float, rings: int) -> Mesh:
+    """A disc of concentric rings, without those inside ``hole`` [m]; a ring lies on the hole's edge or close to it."""
+    step = radius / rings
+    first = max(round(rings * hole / radius), 1)
+    starts = {ring: RING_SIDES * (ring * (ring - 1) - first * (first - 1)) // 2 for ring in range(first, rings + 1)}
+    circles = []
+    for ring in range(first, rings + 1):
+        angle = np.arange(RING_SIDES * ring) * 2.0 * np.pi / (RING_SIDES * ring)
+        circles.append((radius - step * (rings - ring)) * np.column_stack([np.cos(angle), np.sin(angle)]))
+    flat = np.concatenate(circles)
+    triangles = np.concatenate([_between(ring, starts[ring], starts[ring + 1]) for ring in range(first, rings)])
+    points = np.column_stack([flat[:, 0], np.zeros(len(flat)), -flat[:, 1]])
+    return Mesh("disc", points, triangles.astype(np.int32), texcoords=flat[triangles])
+
+
+def _between(ring: int, inner: int, outer: int) -> np.ndarray:
+    """Triangles between a ring and the next, whose first vertices are ``inner`` and ``outer``."""
+    side, step = (indices.ravel() for indices in np.meshgrid(np.arange(RING_SIDES), np.arange(ring + 1), indexing="ij"))
+    here = inner + (side * ring + step) % (RING_SIDES * ring)
+    there = outer + side * (ring + 1) + step
+    beyond = outer + (side * (ring + 1) + step + 1) % (RING_SIDES * (ring + 1))
+    after = inner + (side * ring + step + 1) % (RING_SIDES * ring)
+    pointing = np.column_stack([here, there, beyond])
+    filling = np.column_stack([here, beyond, after])[step < ring]
+    return np.concatenate([pointing, filling])
 
 
 def _ticks(case: Case) -> tuple[np.ndarray, np.ndarray]:

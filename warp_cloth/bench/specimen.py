@@ -37,35 +37,27 @@ class Settled:
     check: Check
 
 
-class Specimen:
-    """A flat piece of a fabric whose clamped vertices a test moves from one position to the next.
+def piece(mesh: Mesh, fabric: Fabric, clamped: Indices, *, grain_degrees: float = 0.0) -> Garment:
+    """A flat piece of a fabric, held at these vertices."""
+    rest = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(grain_degrees))
+    rest = replace(rest, vertex_weight=weights_by_area(mesh, fabric.weight))
+    return Garment(mesh.points, mesh.triangles, rest, clamped)
 
-    ``count`` identical specimens relax together, independently of one another.
-    """
+
+class Specimens:
+    """Flat pieces of fabrics that relax together, independently of one another."""
 
     def __init__(
         self,
-        mesh: Mesh,
-        fabric: Fabric,
-        clamped: Indices,
+        pieces: Sequence[Garment],
         *,
-        grain_degrees: float = 0.0,
         weightless: bool = True,
         device: str = "cpu",
         options: StepOptions | None = None,
-        count: int = 1,
     ) -> None:
-        rest = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(grain_degrees))
-        rest = replace(rest, vertex_weight=weights_by_area(mesh, fabric.weight))
-        garment = Garment(mesh.points, mesh.triangles, rest, clamped)
-        self.mesh = mesh
-        self.rest = rest
-        self.clamped = clamped
-        self.count = count
-        self.model = build_model([garment] * count, device=device, precision="mixed", garment_counts=[1] * count)
-        self._relaxation = build_relaxation(
-            options or StepOptions(), self.model, [Collider()] * count, [garment] * count
-        )
+        self.count = len(pieces)
+        self.model = build_model(pieces, device=device, precision="mixed", garment_counts=[1] * self.count)
+        self._relaxation = build_relaxation(options or StepOptions(), self.model, [Collider()] * self.count, pieces)
         if weightless:
             self._relaxation.step.gravity = cloth_types("mixed").vec3(0.0, 0.0, 0.0)
         self._certifier: Certifier | None = None
@@ -75,15 +67,12 @@ class Specimen:
         certifier = Certifier(self._relaxation)
         wp.force_load(device, modules=[kernel.module for kernel in kernels + certifier.kernels()])
 
-    def settle(self, start: Points, tolerance: Tolerance, limit: int, *, near_rest: bool = False) -> Settled:
-        """Relaxes from these positions, clamped vertices included; ``near_rest``: they are close to the rest shape."""
-        (settled,) = self.settle_all([start], tolerance, limit, near_rest=near_rest)
-        return settled
-
     def settle_all(
         self, starts: Sequence[Points], tolerance: Tolerance, limit: int, *, near_rest: bool = False
     ) -> list[Settled]:
-        """Relaxes every specimen from its own positions; otherwise like ``settle``.
+        """Relaxes every piece from its own positions, clamped vertices included.
+
+        ``near_rest``: they are close to the rest shape.
 
         Each result has the bits that it would have alone, as long as none starts with overstretched edges.
         """
@@ -100,8 +89,40 @@ class Specimen:
         self._load.zero_()
         self._forces.launch(self._relaxation.step)
         load: Any = self._load.numpy()
-        forces = np.array(load, dtype=np.float64)[:, :3].reshape(self.count, -1, 3)
-        return [Settled(outcome.points, force, outcome.check) for outcome, force in zip(outcomes, forces, strict=True)]
+        forces = np.array(load, dtype=np.float64)[:, :3]
+        return [
+            Settled(outcome.points, forces[self.model.of_item(item)], outcome.check)
+            for item, outcome in enumerate(outcomes)
+        ]
+
+
+class Specimen(Specimens):
+    """A flat piece of a fabric whose clamped vertices a test moves from one position to the next.
+
+    ``count`` identical ones relax together.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        fabric: Fabric,
+        clamped: Indices,
+        *,
+        grain_degrees: float = 0.0,
+        weightless: bool = True,
+        device: str = "cpu",
+        options: StepOptions | None = None,
+        count: int = 1,
+    ) -> None:
+        self.mesh, self.clamped = mesh, clamped
+        own = piece(mesh, fabric, clamped, grain_degrees=grain_degrees)
+        self.rest = own.rest
+        super().__init__([own] * count, weightless=weightless, device=device, options=options)
+
+    def settle(self, start: Points, tolerance: Tolerance, limit: int, *, near_rest: bool = False) -> Settled:
+        """Relaxes from these positions, clamped vertices included; ``near_rest``: they are close to the rest shape."""
+        (settled,) = self.settle_all([start], tolerance, limit, near_rest=near_rest)
+        return settled
 
 
 def weights_by_area(mesh: Mesh, weight: float) -> Floats:

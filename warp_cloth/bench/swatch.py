@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-from warp_cloth.base.mesh import Mesh, Points
+import numpy as np
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import Delaunay
+
+from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.shapes import square
 
-RING_SIDES = 6  # vertices that a ring has more than the next inner one
+SMOOTHING_ROUNDS = 12  # triangles are then at most twice as long as wide, and still run in all directions
 
 
 def strip(width: float, length: float, edge: float) -> Mesh:
@@ -27,54 +31,60 @@ def strip(width: float, length: float, edge: float) -> Mesh:
     return Mesh("strip", points, triangles.astype(np.int32), texcoords=flat)
 
 
-def disc(radius: float, hole: float, rings: int, spacing: float | None = None) -> Mesh:
-    """A disc of concentric rings, without those inside ``hole`` [m]; a ring lies on the hole's edge or close to it.
+def disc(radius: float, hole: float, edge: float, seed: int = 0) -> Mesh:
+    """A disc without its middle, in irregular triangles of about this edge length [m], other ones for each seed.
 
-    ``spacing`` [m] is the distance between rings, counted from the rim; None: evenly, from the disc's centre.
+    Its two innermost rings of vertices lie half a triangle's height inside and outside ``hole`` [m]. Regular meshes
+    will not do: on rings in six sides cloth falls into six folds and stands out along its weft.
     """
-    step = radius / rings if spacing is None else spacing
-    first = max(round(rings * hole / radius), 1)
-    starts = {ring: RING_SIDES * (ring * (ring - 1) - first * (first - 1)) // 2 for ring in range(first, rings + 1)}
-    circles = []
-    for ring in range(first, rings + 1):
-        angle = np.arange(RING_SIDES * ring) * 2.0 * np.pi / (RING_SIDES * ring)
-        circles.append((radius - step * (rings - ring)) * np.column_stack([np.cos(angle), np.sin(angle)]))
-    flat = np.concatenate(circles)
-    triangles = np.concatenate([_between(ring, starts[ring], starts[ring + 1]) for ring in range(first, rings)])
+    rng = np.random.default_rng(seed)
+    height = edge * math.sqrt(0.75)
+    rings = [_circle(r, edge, rng.uniform()) for r in (hole - 0.5 * height, hole + 0.5 * height, radius)]
+    fixed, innermost = np.concatenate(rings), len(rings[0])
+    area = math.pi * (radius**2 - (hole + 0.5 * height) ** 2)
+    count = max(round(area / (edge * height) - 0.5 * (len(fixed) - innermost)), 0)
+    low, high = hole + 0.5 * height + 0.5 * edge, radius - 0.5 * edge
+    turn, away = rng.uniform(0.0, 2.0 * np.pi, count), np.sqrt(rng.uniform(low**2, high**2, count))
+    flat = np.concatenate([fixed, away[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])])
+    for _ in range(SMOOTHING_ROUNDS):
+        inner = _centred(flat, Delaunay(flat).simplices)[len(fixed) :]
+        away = np.hypot(inner[:, 0], inner[:, 1])
+        flat[len(fixed) :] = inner * (np.clip(away, low, high) / away)[:, None]
+    triangles = Delaunay(flat).simplices
+    triangles = triangles[(triangles >= innermost).any(axis=1)]
     points = np.column_stack([flat[:, 0], np.zeros(len(flat)), -flat[:, 1]])
     return Mesh("disc", points, triangles.astype(np.int32), texcoords=flat[triangles])
 
 
-def _between(ring: int, inner: int, outer: int) -> np.ndarray:
-    """Triangles between a ring and the next, whose first vertices are ``inner`` and ``outer``."""
-    side, step = (indices.ravel() for indices in np.meshgrid(np.arange(RING_SIDES), np.arange(ring + 1), indexing="ij"))
-    here = inner + (side * ring + step) % (RING_SIDES * ring)
-    there = outer + side * (ring + 1) + step
-    beyond = outer + (side * (ring + 1) + step + 1) % (RING_SIDES * (ring + 1))
-    after = inner + (side * ring + step + 1) % (RING_SIDES * ring)
-    pointing = np.column_stack([here, there, beyond])
-    filling = np.column_stack([here, beyond, after])[step < ring]
-    return np.concatenate([pointing, filling])
+def _circle(radius: float, edge: float, phase: float) -> Points:
+    """Vertices evenly on a circle, shape [N, 2]."""
+    count = max(round(2.0 * math.pi * radius / edge), 6)
+    turn = (np.arange(count) + phase) * 2.0 * np.pi / count
+    return radius * np.column_stack([np.cos(turn), np.sin(turn)])
+
+
+def _centred(flat: Points, triangles: Indices) -> Points:
+    """Every vertex in the centroid of the triangles round it, which spaces vertices evenly, shape [N, 2]."""
+    corners = flat[triangles]
+    along, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = np.abs(along[:, 0] * other[:, 1] - along[:, 1] * other[:, 0])
+    weighted = area[:, None] * corners.mean(axis=1)
+    sums = [np.bincount(triangles.ravel(), np.repeat(each, 3), len(flat)) for each in (area, *weighted.T)]
+    return np.column_stack([sums[1] / sums[0], sums[2] / sums[0]])
 
 
 def on_finer_disc(coarse: Mesh, points: Points, fine: Mesh) -> Points:
     """Interpolated points of a disc [m] from those of a ``coarse`` one; both meshes are as they were cut."""
-    (radius, angle), (fine_radius, fine_angle) = _polar(coarse), _polar(fine)
-    rings = np.unique(radius.round(9))
-    shapes = np.empty((len(rings), fine.vertex_count, 3))
-    for index, ring in enumerate(rings):
-        on_ring = np.isclose(radius, ring)
-        for axis in range(3):
-            shapes[index, :, axis] = np.interp(fine_angle, angle[on_ring], points[on_ring, axis], period=2.0 * np.pi)
-    outer = np.clip(np.searchsorted(rings, fine_radius.round(9), side="left"), 1, len(rings) - 1)
-    t = ((fine_radius - rings[outer - 1]) / (rings[outer] - rings[outer - 1]))[:, None]
-    vertices = np.arange(fine.vertex_count)
-    return (1.0 - t) * shapes[outer - 1, vertices] + t * shapes[outer, vertices]
-
-
-def _polar(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Radius [m] and angle of every vertex of a disc as it was cut."""
-    return np.hypot(mesh.points[:, 0], mesh.points[:, 2]), np.arctan2(mesh.points[:, 2], mesh.points[:, 0])
+    flat, wanted = coarse.points[:, [0, 2]], fine.points[:, [0, 2]]
+    moved = LinearNDInterpolator(flat, points - coarse.points)
+    shape, away = moved(wanted), np.hypot(wanted[:, 0], wanted[:, 1])
+    # the coarse rim is a polygon: what lies beyond it moves as its nearest side does
+    rim = np.hypot(flat[:, 0], flat[:, 1])
+    sides = int((rim > rim.max() * (1.0 - 1e-9)).sum())
+    within = rim.max() * math.cos(math.pi / sides) * (1.0 - 1e-6)
+    beyond = np.isnan(shape).any(axis=1)
+    shape[beyond] = moved(wanted[beyond] * (within / away[beyond])[:, None])
+    return np.asarray(fine.points + shape)
 
 
 def along(mesh: Mesh) -> tuple[Points, Points]:

@@ -12,7 +12,7 @@ import warp as wp
 from PIL import Image, ImageDraw
 
 from warp_cloth.base.mesh import Indices, Mesh, Points
-from warp_cloth.bench.specimen import Settled, Specimen
+from warp_cloth.bench.specimen import Settled, Specimen, Specimens, piece
 from warp_cloth.bench.swatch import along, disc, on_finer_disc
 from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.step_options import StepOptions
@@ -189,23 +189,22 @@ def drape(
     while levels[0] % 2 == 0 and levels[0] >= 2 * COARSEST_RINGS:
         levels.insert(0, levels[0] // 2)
     mesh = drape_disc(levels[0])
-    settled = hung(mesh, fabric, [_waved(mesh, seed) for seed in range(discs)], device, iterations)
+    settled = hung([Hanging(mesh, fabric, _waved(mesh, seed)) for seed in range(discs)], device, iterations)
     for level in levels[1:]:
         coarse, mesh = mesh, drape_disc(level)
-        starts = [on_finer_disc(coarse, each.points, mesh) for each in settled]
-        settled = hung(mesh, fabric, starts, device, iterations, near_rest=True)
+        starts = [Hanging(mesh, fabric, on_finer_disc(coarse, each.points, mesh)) for each in settled]
+        settled = hung(starts, device, iterations, near_rest=True)
     return [Drape(mesh, each) for each in settled]
 
 
-def drape_disc(rings: int, disc_radius: float = DISC_RADIUS) -> Mesh:
-    """Cusick's disc [m] without its centre: two of the rings on the support are enough.
+def drape_disc(rings: int, disc_radius: float = DISC_RADIUS, seed: int = 0) -> Mesh:
+    """Cusick's disc [m] without its centre: two rings of vertices on the support are enough.
 
-    A hinge represents the bend from half an edge before it to half an edge after it. So the last clamped ring lies
-    half an edge outside the support, and the cloth bends from the support's edge at any resolution.
+    ``rings`` of edges lie between its centre and its rim; each ``seed`` has another mesh. A hinge represents the bend
+    from half an edge before it to half an edge after it. So the outer clamped ring lies half an edge outside the
+    support, and the cloth bends from the support's edge at any resolution.
     """
-    clamped = round(rings * SUPPORT_RADIUS / disc_radius)
-    spacing = (disc_radius - SUPPORT_RADIUS) / (rings - clamped + 0.5)
-    return disc(disc_radius, disc_radius * (clamped - 1) / rings, rings, spacing)
+    return disc(disc_radius, SUPPORT_RADIUS, disc_radius / rings, seed)
 
 
 def held_by_support(mesh: Mesh) -> Indices:
@@ -225,18 +224,31 @@ def _waved(mesh: Mesh, seed: int) -> Points:
     return start
 
 
-def hung(
-    mesh: Mesh, fabric: Fabric, starts: Sequence[Points], device: str, iterations: int, *, near_rest: bool = False
-) -> list[Settled]:
+@dataclass(frozen=True, eq=False)
+class Hanging:
+    """A disc of ``drape_disc`` that is to hang, and where it starts."""
+
+    mesh: Mesh
+    fabric: Fabric
+    start: Points  # [m], shape [V, 3]
+
+
+def hung(discs: Sequence[Hanging], device: str, iterations: int, *, near_rest: bool = False) -> list[Settled]:
     """Relaxes discs: on a GPU all together, on the CPU one by one; the bits are the same."""
-    clamped = held_by_support(mesh)
     options = StepOptions(method="multilevel")  # which rotates folds as rigid bodies
-    for start in starts:
-        start[clamped] = mesh.points[clamped]
+    held = {id(each.mesh): held_by_support(each.mesh) for each in discs}
     settled: list[Settled] = []
-    for group in [starts] if wp.get_device(device).is_cuda else [[start] for start in starts]:
-        specimen = Specimen(mesh, fabric, clamped, weightless=False, device=device, options=options, count=len(group))
-        settled += specimen.settle_all(group, DRAPED, iterations, near_rest=near_rest)
+    for group in [discs] if wp.get_device(device).is_cuda else [[each] for each in discs]:
+        alike = {(id(each.mesh), id(each.fabric)): each for each in group}
+        pieces = {key: piece(each.mesh, each.fabric, held[key[0]]) for key, each in alike.items()}
+        starts = []
+        for each in group:
+            start, clamped = each.start.copy(), held[id(each.mesh)]
+            start[clamped] = each.mesh.points[clamped]
+            starts.append(start)
+        all_pieces = [pieces[id(each.mesh), id(each.fabric)] for each in group]
+        specimens = Specimens(all_pieces, weightless=False, device=device, options=options)
+        settled += specimens.settle_all(starts, DRAPED, iterations, near_rest=near_rest)
     return settled
 
 

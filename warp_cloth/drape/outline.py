@@ -39,6 +39,11 @@ class Outline:
         return 100.0 * (float(np.mean(self.radius**2)) - 1.0) / (ratio**2 - 1.0)
 
     @property
+    def reach(self) -> float:
+        """Radius of the farthest tip."""
+        return float(self.smooth.max())
+
+    @property
     def tips(self) -> tuple[int, ...]:
         """Angles [degrees] of the folds' tips: maxima with a trough on both sides."""
         return _prominent_maxima(self.smooth, SHALLOWEST_FOLD)
@@ -70,15 +75,23 @@ def outline_of_points(x: Floats, y: Floats) -> Outline:
 
     Where a fold hangs over, a ray meets the curve several times: the farthest counts, as in a shadow.
     """
-    angle, radius = np.arctan2(y, x), np.hypot(x, y)
-    steps = np.linspace(0.0, 1.0, 16, endpoint=False)
-    turn = (np.diff(angle, append=angle[:1]) + np.pi) % (2.0 * np.pi) - np.pi
-    growth = np.diff(radius, append=radius[:1])
-    fine_angle = (angle[:, None] + steps * turn[:, None]).ravel()
-    fine_radius = (radius[:, None] + steps * growth[:, None]).ravel()
-    bins = np.round(fine_angle * ANGLES / (2.0 * np.pi)).astype(np.int64) % ANGLES
+    ray = 2.0 * np.pi / ANGLES
+    angle = np.arctan2(y, x)
+    turn = (np.roll(angle, -1) - angle + np.pi) % (2.0 * np.pi) - np.pi
+    low, high = np.minimum(angle, angle + turn) / ray, np.maximum(angle, angle + turn) / ray
+    first = np.ceil(low).astype(np.int64)
+    count = np.maximum(np.floor(high).astype(np.int64) - first + 1, 0)  # rays that each side crosses
+    side = np.repeat(np.arange(len(x)), count)
+    crossed = np.arange(len(side)) - np.repeat(np.cumsum(count) - count, count) + first[side]
+    ahead = np.stack([np.cos(crossed * ray), np.sin(crossed * ray)])
+    start, way = np.stack([x, y])[:, side], np.stack([np.roll(x, -1) - x, np.roll(y, -1) - y])[:, side]
+    # r ahead = start + t way
+    across = ahead[0] * way[1] - ahead[1] * way[0]
+    over = start[0] * way[1] - start[1] * way[0]
+    sure = np.abs(across) > 1e-12
+    radius = np.where(sure, over / np.where(sure, across, 1.0), np.hypot(*start))
     farthest = np.zeros(ANGLES)
-    np.maximum.at(farthest, bins, fine_radius)
+    np.maximum.at(farthest, crossed % ANGLES, radius)
     hit = np.flatnonzero(farthest)
     return Outline(np.interp(np.arange(ANGLES), hit, farthest[hit], period=ANGLES))
 

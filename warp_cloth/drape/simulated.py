@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.bench.trials import DRAPE_ITERATIONS, DRAPE_MODES, SUPPORT_RADIUS, drape_disc, hung
+from warp_cloth.bench.trials import DRAPE_ITERATIONS, DRAPE_MODES, SUPPORT_RADIUS, Hanging, drape_disc, hung
 from warp_cloth.drape.outline import ANGLES, Floats, Outline, outline_of_drape
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.material.laboratory import GRAVITY, bending_length, bending_of_rigidity, rigidity_of_bending
 
-RINGS = (20, 36)  # fewest and most; 930 vertices, 1 to 2 s on a core, and 2,900
+RINGS = (20, 36)  # fewest and most; 1,060 vertices, 3 to 10 s on a core, and 3,400
 EDGE = 0.4  # of the bending length, at most where rings allow; coarser meshes hold limp cloth up by 10 points
 STARTING_WAVE = 4e-3  # [m], at the rim, where a drape starts in the folds of a photograph
 
@@ -25,6 +25,15 @@ class SimulatedDrape:
     mesh: Mesh
     points: Points  # [m], shape [V, 3]
     outline: Outline
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A disc to drape."""
+
+    fabric: Fabric
+    start: Floats  # height of its rim over the angle [m], shape [ANGLES]
+    mesh_seed: int = 0
 
 
 def bending_lengths(fabric: Fabric) -> tuple[float, float]:
@@ -45,38 +54,43 @@ def with_bending_lengths(fabric: Fabric, warp: float, weft: float) -> Fabric:
 
 
 def simulate(
-    fabric: Fabric,
+    trials: Sequence[Trial],
     support: float,
     ratio: float,
-    starts: Sequence[Floats],
     *,
     device: str = "cpu",
     rings: int | None = None,
 ) -> list[SimulatedDrape]:
-    """Drapes discs of ``ratio`` times the support's radius [m], each from waves of its own.
+    """Drapes discs of ``ratio`` times the support's radius [m].
 
     The drape is computed on the bench's support with the bending lengths scaled to it, and stretch and shear scaled
-    with weight times radius, which leaves its shape the same. ``starts``: height of the rim over the angle [m], shape
-    [ANGLES] each. ``rings`` None: as the bending length asks.
+    with weight times radius, which leaves its shape the same. ``rings`` None: as the shortest bending length asks.
     """
-    scale = SUPPORT_RADIUS / support
+    scale, radius = SUPPORT_RADIUS / support, SUPPORT_RADIUS * ratio
+    scaled = {id(trial.fabric): _scaled(trial.fabric, scale) for trial in trials}
+    if rings is None:
+        shortest = min(min(bending_lengths(fabric)) for fabric in scaled.values())
+        rings = int(np.clip(round(radius / (EDGE * shortest)), *RINGS))
+    meshes = {seed: drape_disc(rings, radius, seed) for seed in {trial.mesh_seed for trial in trials}}
+    discs = []
+    for trial in trials:
+        mesh = meshes[trial.mesh_seed]
+        discs.append(Hanging(mesh, scaled[id(trial.fabric)], _waved(mesh, radius, trial.start)))
+    return [
+        SimulatedDrape(each.mesh, settled.points, outline_of_drape(each.mesh, settled.points, SUPPORT_RADIUS))
+        for each, settled in zip(discs, hung(discs, device, DRAPE_ITERATIONS), strict=True)
+    ]
+
+
+def _scaled(fabric: Fabric, scale: float) -> Fabric:
+    """The fabric whose drape on a support so many times as large has the same shape."""
     warp, weft = bending_lengths(fabric)
-    scaled = with_bending_lengths(fabric, warp * scale, weft * scale)
-    scaled = replace(
-        scaled,
+    return replace(
+        with_bending_lengths(fabric, warp * scale, weft * scale),
         stretch_warp=fabric.stretch_warp * scale,
         stretch_weft=fabric.stretch_weft * scale,
         shear=None if fabric.shear is None else fabric.shear * scale,
     )
-    radius = SUPPORT_RADIUS * ratio
-    if rings is None:
-        rings = int(np.clip(round(radius / (EDGE * min(warp, weft) * scale)), *RINGS))
-    mesh = drape_disc(rings, radius)
-    points = [_waved(mesh, radius, start) for start in starts]
-    return [
-        SimulatedDrape(mesh, each.points, outline_of_drape(mesh, each.points, SUPPORT_RADIUS))
-        for each in hung(mesh, scaled, points, device, DRAPE_ITERATIONS)
-    ]
 
 
 def random_start(seed: int) -> Floats:

@@ -22,7 +22,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.drape.made import fabric_of_readings, rigidities
 from warp_cloth.drape.reading import Setting, read_drape
-from warp_cloth.drape.simulated import random_start, simulate, with_bending_lengths
+from warp_cloth.drape.simulated import Trial, random_start, simulate, with_bending_lengths
 from warp_cloth.material.fabric import fabric_named
 from warp_cloth.material.laboratory import GRAVITY, KES_BENDING
 
@@ -52,7 +52,8 @@ def main() -> None:
         cloth = replace(cloth, shear=min(shear, 0.24 * min(cloth.stretch_warp, cloth.stretch_weft)))
         true = with_bending_lengths(cloth, *lengths)
         truth = weight * GRAVITY * lengths**3 / KES_BENDING
-        (drape,) = simulate(true, setting.support, setting.ratio, [random_start(100 + number)], rings=chosen.rings)
+        trial = Trial(true, random_start(100 + number), 100 + number)
+        (drape,) = simulate([trial], setting.support, setting.ratio, rings=chosen.rings)
         for copy in range(chosen.photos):
             view = random_view(1000 * number + copy)
             path = photograph(
