@@ -174,8 +174,67 @@ def test_what_is_torn_where_it_is_placed_is_tried_by_the_multilevel_method() -> 
     levels = following(torn)
     assert decisions(levels) == ("multilevel", False, None)
     assert levels is not None
-    assert following(torn, Ended(levels, REST, 9, VERTICES, torn=5)) is None
     assert decisions(following(torn, Ended(levels, REST, 9, VERTICES))) == ("accelerated", True, 1)
+
+
+def sliding() -> tuple[Ended, Ended, Attempt]:
+    """What ended torn by either method, and the attempt that follows."""
+    sewn = Ended(first("tshirt", *SMALL_SHIRT, "solver.start=placed"), REST, 0, VERTICES, torn=5)
+    levels = following(sewn)
+    assert levels is not None
+    failed = Ended(levels, REST, 9, VERTICES, torn=5)
+    slides = following(sewn, failed)
+    assert slides is not None
+    return sewn, failed, slides
+
+
+def test_what_rests_torn_slides_into_place_and_then_rubs_again() -> None:
+    sewn, failed, slides = sliding()
+    assert slides.scene.avatar is not None
+    assert (slides.begins_after, slides.scene.avatar.friction) == (0, 0.0)
+    farther = following(sewn, failed, Ended(slides, LIMIT, 0, VERTICES, torn=1))
+    assert farther is not None
+    assert (farther.begins_after, farther.slides) == (2, 2)
+    last = following(sewn, failed, Ended(slides, LIMIT, 0, VERTICES, torn=1), Ended(farther, LIMIT, 0, VERTICES))
+    assert last is not None
+    assert (last.begins_after, last.slides) == (3, 0)
+    assert last.scene == sewn.attempt.scene
+
+
+def test_what_slid_is_never_the_result() -> None:
+    sewn, _, slides = sliding()
+    assert Ended(slides, REST, 0, VERTICES).rank < sewn.rank
+
+
+def test_what_still_tears_is_sewn_again_and_lifted() -> None:
+    sewn = Ended(first("tshirt", *SMALL_SHIRT), LIMIT, 0, VERTICES, torn=5)
+    posed = following(sewn)
+    assert posed is not None
+    failed = Ended(posed, LIMIT, 0, VERTICES, torn=4)
+    levels = following(sewn, failed)
+    assert levels is not None
+    history = [sewn, failed, Ended(levels, REST, VERTICES, VERTICES, torn=9)]
+    lifted = following(*history)
+    assert lifted is not None
+    assert (lifted.posed, lifted.lifted, lifted.begins_after) == (True, True, None)
+    assert following(*history, Ended(lifted, LIMIT, 0, VERTICES, torn=3)) is None
+    assert decisions(following(*history, Ended(lifted, LIMIT, 0, VERTICES))) == ("multilevel", False, 3)
+
+
+def test_the_body_stays_padded_where_it_showed_through() -> None:
+    shirt = {"shape": {"kind": "tshirt", "edge_mm": 50}}
+    scene = {"garment": shirt, "avatar": {"shape": {"kind": "mannequin"}}}
+    shown = Ended(first(scene), REST, 0, VERTICES, shown=True)
+    padded = following(shown)
+    assert padded is not None
+    assert (padded.paddings, padded.begins_after) == (1, 0)
+    posed = Ended(replace(shown.attempt, posed=True), LIMIT, 0, VERTICES, shown=True)
+    levels = following(posed)
+    assert levels is not None
+    assert (decisions(levels), levels.paddings) == (("multilevel", False, 0), 1)
+    untangled = following(posed, Ended(levels, REST, 9, VERTICES))
+    assert untangled is not None
+    assert (untangled.begins_after, untangled.paddings) == (1, 1)
 
 
 @pytest.mark.parametrize(

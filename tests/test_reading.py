@@ -84,7 +84,17 @@ def test_a_garment_beside_the_body_keeps_the_roles_of_its_openings(tmp_path: Pat
     assert first is not None
     assert second is not None
     assert second.limbs == first.limbs
-    assert second.shift == pytest.approx([-0.3, 0.0, 0.0], abs=0.05)
+
+
+@pytest.mark.parametrize("move", [(0.3, 0.0, 0.0), (0.0, 0.0, -0.3)])
+def test_a_garment_beside_the_body_is_moved_onto_it(
+    tmp_path: Path, tshirt: Mesh, move: tuple[float, float, float]
+) -> None:
+    outfit = read(tmp_path, tshirt, lambda points: points + np.array(move))
+    assert choices(outfit)["translate"] == pytest.approx([-part for part in move], abs=0.06)
+    (wearing,) = outfit.wearing
+    assert wearing is not None
+    assert not wearing.start_fault
 
 
 def test_one_sleeve_does_not_move_the_middle_of_a_garment(tshirt: Mesh, tmp_path: Path) -> None:

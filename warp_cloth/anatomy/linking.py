@@ -168,13 +168,8 @@ class Wearing:
         sleeves = [points[opening.loop].mean(axis=0) for opening, limbs in pairs if limbs in SLEEVED]
         shift = np.zeros(3)
         is_wrong = any(id(opening) in wrong for opening in trunk)
-        if trunk:
-            centres = np.array([points[opening.loop].mean(axis=0) for opening in trunk])
-            off = (skeleton.spine_at(centres) - centres).mean(axis=0)
-            across = off - skeleton.up * (off @ skeleton.up)
-            is_far = float(np.linalg.norm(across)) > FAR_TRUNK * skeleton.span
-            if is_far or is_wrong:
-                shift = shift + across
+        if is_wrong or float(np.linalg.norm(self.across)) > FAR_TRUNK * skeleton.span:
+            shift = shift + self.across
         if sleeves:
             up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)
             shift = shift + skeleton.up * (up if abs(up) > FAR_SLEEVE else 0.0)
@@ -183,6 +178,18 @@ class Wearing:
             up = -max(heights, default=0.0)
             shift = shift + skeleton.up * (up if abs(up) > FAR_WAIST else 0.0)
         return shift
+
+    @cached_property
+    def across(self) -> Points:
+        """The horizontal move of the garment that puts the middle of its openings round the trunk [m], shape [3]."""
+        skeleton, pairs = self.skeleton, zip(self.openings, self.limbs, strict=True)
+        trunk = [opening for opening, limbs in pairs if len(limbs) > 1 or limbs == (HEAD,)]
+        if not trunk:
+            return np.zeros(3)
+        centres = np.array([self.start[opening.loop].mean(axis=0) for opening in trunk])
+        off = (skeleton.spine_at(centres) - centres).mean(axis=0)
+        across: Points = off - skeleton.up * (off @ skeleton.up)
+        return across
 
     def covered(self, points: Points) -> list[tuple[Opening, Limbs]]:
         """The ends of sleeves and legs that are too long for their limb, with the garment at ``points`` [m]."""

@@ -16,6 +16,7 @@ NARROWEST = 0.09  # [m]; the girth of a child's cuff. A shorter loop is a button
 RINGS = 4  # of cloth behind an opening, where the cloth is a tube: a hand may end within a sleeve
 LATERAL = 0.045  # of the body's span, from its middle: an opening farther off is for one limb
 HEM = 0.7  # girth of a hem over a sleeve's, at least; a keyhole is smaller
+PAIR = 0.95  # girth over the largest one's, of an opening that is its like on the other side
 BESIDE = 0.08  # of the body's span: a garment that is farther to one side is beside the body
 
 LEGS, ARMS = (RIGHT_LEG, LEFT_LEG), (RIGHT_ARM, LEFT_ARM)
@@ -80,7 +81,9 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
     centres = np.array([points[opening.loop].mean(axis=0) for opening in openings]) - skeleton.middle
     across, up = centres @ skeleton.left, centres @ skeleton.up
     sideways = (points - skeleton.middle) @ skeleton.left
-    middle, largest = 0.5 * float(sideways.min() + sideways.max()), float(across[0])
+    middle = 0.5 * float(sideways.min() + sideways.max())
+    alike = len(openings) > 1 and openings[1].girth > PAIR * openings[0].girth  # both legs
+    largest = float(across[:2].mean() if alike else across[0])
     # by both: one sleeve moves the middle, and a wide leg may be the largest opening
     aside = float(np.clip(middle, min(largest, 0.0), max(largest, 0.0)))
     if abs(aside) > BESIDE * skeleton.span:

@@ -150,7 +150,7 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
     outfit = first.problem.loaded[first.item]
     while (attempt := next_attempt([run.ended for run in runs], outfit)) is not None:
         device = first.problem.model.device
-        worn_by = _padded(runs[-1]) if attempt.paddings else outfit
+        worn_by = outfit if attempt.begins_after is None else _worn_after(runs[attempt.begins_after], attempt.paddings)
         problem = build_problem([attempt.stated], [worn_by], device, cache=cache, clock=clock, attempts=[attempt])
         levels: tuple[LevelRun, ...] = ()
         if attempt.begins_after is None:
@@ -165,9 +165,11 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
     return Course(tuple(runs))
 
 
-def _padded(run: Run) -> Outfit:
-    """The outfit of a run with the avatar padded where it showed through."""
+def _worn_after(run: Run, paddings: int) -> Outfit:
+    """The outfit of a run, with the avatar padded where it showed through if it is not yet as often as wanted."""
     outfit, overlap = run.problem.loaded[run.item], run.overlap
+    if paddings == run.attempt.paddings:
+        return outfit
     surface = outfit.starting_avatar
     if surface is None or overlap is None:
         raise ValueError("there is no avatar to pad")

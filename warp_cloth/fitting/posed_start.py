@@ -86,14 +86,14 @@ def start_posed(
     that lie on each other are parted by the fit, inner to outer. ``watched`` takes the shapes of each on its way.
     """
     (scene,), (outfit,) = problem.scenes, problem.loaded
-    device = problem.model.device
+    (attempt,), device = problem.attempts, problem.model.device
     starts = []
     for index, garment in enumerate(outfit.garments):
         alone = _alone(scene, outfit, index)
         sources = outfit.avatar, garment.points, garment.rest.topology
-        watching = watched is not None
-        make = partial(_sewn_and_carried, *alone, str(device), OFFSET + index * LAYER, clock, watching)
-        how = scene.solver.precision, scene.collision.cloth, device, watching
+        watching, lifted = watched is not None, attempt.lifted
+        make = partial(_sewn_and_carried, *alone, str(device), OFFSET + index * LAYER, clock, watching, lifted)
+        how = scene.solver.precision, scene.collision.cloth, device, watching, lifted
         starts.append(cache.get_or_make(CACHE_NAME, sources, make, index, *how))
     if watched is not None:
         watched[:] = [start.shapes for start in starts]
@@ -121,12 +121,12 @@ def _alone(scene: Scene, outfit: Outfit, index: int) -> tuple[Scene, Outfit]:
 
 
 def _sewn_and_carried(
-    scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock, watching: bool
+    scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock, watching: bool, lifted: bool
 ) -> _PosedStart:
     dressing = _Dressing(scene, outfit, device, offset, clock)
     dressing.shapes = [] if watching else None
     dressing.sew()
-    if dressing.wearing.hangs_from_waist:
+    if lifted or dressing.wearing.hangs_from_waist:
         dressing.lift()
     if dressing.wearing.is_skirt:
         dressing.grow(GROWING_STEPS)

@@ -12,7 +12,6 @@ from itertools import combinations
 import numpy as np
 
 from warp_cloth.anatomy.linking import Wearing
-from warp_cloth.anatomy.skeleton import HEAD
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.units import METRES_PER, LengthUnit
@@ -30,6 +29,8 @@ ALIKE, LEVEL = (
 APART = 0.12  # of the body's span; that far they are from each other at least
 TURNED = 45.0  # [degrees] from the body's left, beyond which a garment is turned
 SQUARE, QUARTER = 5.0, 90.0  # [degrees]; so near to a quarter turn, it is one
+NEARER = 0.5  # times as far from the limbs, another reading is the right one
+BESIDE = 0.1  # [m] from the body's middle, from where on a garment may be beside it
 DEEP_NECK = 0.02  # [m]; a neckline that is lower on one side by more is lower in front
 
 
@@ -44,7 +45,7 @@ def read_again(scene: Scene, meshes: Sequence[Mesh], worn: Sequence[Wearing | No
     ):
         if spec.mesh is None or wearing is None or not wearing.start_fault or _is_placed(spec):
             continue
-        found = _scaled_or_stood_up(spec, mesh, wearing) or _turned(wearing)
+        found = _scaled_or_stood_up(spec, mesh, wearing) or _turned(wearing) or _moved(wearing)
         if found is not None:
             changes, reason = found
             garments[index] = spec.model_copy(update=changes)
@@ -57,15 +58,14 @@ def _is_placed(spec: GarmentSpec) -> bool:
 
 
 def _scaled_or_stood_up(spec: GarmentSpec, mesh: Mesh, wearing: Wearing) -> Change | None:
-    """Another unit or up axis, in which every opening is round its limbs, where none is as it was read."""
-    beside = {id(each.opening) for each in wearing.misplaced_at_start}
-    pairs = zip(wearing.openings, wearing.limbs, strict=True)
-    if any(id(opening) not in beside for opening, limbs in pairs if limbs and limbs != (HEAD,)):
-        return None
+    """Another unit or up axis, in which openings are round their limbs, or near them, that are not as it was read."""
     may_stand = spec.up is None and spec.mesh is not None and spec.mesh.suffix.lower() in AXIS_UNKNOWN
     readings: list[tuple[dict[str, Value], Points, str]] = []
     if may_stand:
-        readings.append(({"up": "z"}, from_z_up(wearing.start), "with y up"))
+        stood = from_z_up(wearing.start)
+        if _off_limbs(wearing, stood) < NEARER * _off_limbs(wearing, wearing.start):
+            return {"up": "z"}, "with y up its openings would be far from the limbs"
+        readings.append(({"up": "z"}, stood, "with y up"))
     if spec.units is None and was_guessed(mesh):
         metres = next(length for unit, length in METRES_PER.items() if unit == mesh.unit)
         for unit in OTHER_UNITS:
@@ -73,16 +73,34 @@ def _scaled_or_stood_up(spec: GarmentSpec, mesh: Mesh, wearing: Wearing) -> Chan
             readings.append(({"units": unit}, scaled, f"in {mesh.unit}"))
             if may_stand:
                 readings.append(({"units": unit, "up": "z"}, from_z_up(scaled), f"in {mesh.unit}, or with y up,"))
-    for changes, points, otherwise in readings:
-        if _sits(wearing, points):
-            return changes, f"{otherwise} no limb would pass through its openings"
-    return None
+    now, wrong = _wrong_share(wearing, wearing.start), [_wrong_share(wearing, points) for _, points, _ in readings]
+    if not now > 0.5 or not min(wrong, default=1.0) <= 0.5 * now:
+        return None
+    changes, _, otherwise = readings[wrong.index(min(wrong))]
+    return changes, f"{otherwise} few limbs would pass through its openings"
 
 
-def _sits(wearing: Wearing, points: Points) -> bool:
-    """Whether every opening of the garment at ``points`` [m] is round the limbs that it is for there."""
+def _wrong_share(wearing: Wearing, points: Points) -> float:
+    """The part of the openings of the garment at ``points`` [m] that are not round the limbs that they are for there.
+
+    1 where an opening is for none.
+    """
     there = Wearing.of(wearing.openings, points, wearing.triangles, wearing.skeleton)
-    return all(there.limbs) and not there.misplaced_at_start
+    return len(there.misplaced_at_start) / len(there.openings) if all(there.limbs) else 1.0
+
+
+def _off_limbs(wearing: Wearing, points: Points) -> float:
+    """How far the openings of the garment at ``points`` [m] are from the limbs that they are for there, on average [m].
+
+    Infinite where an opening is for none.
+    """
+    there, skeleton = Wearing.of(wearing.openings, points, wearing.triangles, wearing.skeleton), wearing.skeleton
+    if not all(there.limbs):
+        return np.inf
+    middles = [points[opening.loop].mean(axis=0) for opening in there.openings]
+    curves = [np.concatenate([skeleton.curves[limb] for limb in limbs]) for limbs in there.limbs]
+    pairs = zip(middles, curves, strict=True)
+    return float(np.mean([np.linalg.norm(curve - middle, axis=1).min() for middle, curve in pairs]))
 
 
 def _turned(wearing: Wearing) -> Change | None:
@@ -108,6 +126,16 @@ def _turned(wearing: Wearing) -> Change | None:
         return None
     changes: dict[str, Value] = {"rotate": turn.rotate, "translate": turn.translate}
     return changes, "its openings for left and right lie before and behind the body"
+
+
+def _moved(wearing: Wearing) -> Change | None:
+    """The move onto the body of a garment that starts beside it and could be sewn there; None: it could not."""
+    for shift in (wearing.shift, wearing.across):
+        there = Wearing.of(wearing.openings, wearing.start + shift, wearing.triangles, wearing.skeleton)
+        if float(np.linalg.norm(shift)) > BESIDE and not there.start_fault:
+            x, y, z = shift.tolist()
+            return {"translate": (x, y, z)}, "it starts beside the body"
+    return None
 
 
 def _sideways(wearing: Wearing) -> Points | None:

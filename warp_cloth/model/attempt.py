@@ -28,6 +28,10 @@ FEW_CROSSINGS = 0.08
 MOST_PADDINGS = 3  # of the avatar under faces that it shows through
 OFFSET_KEY = "collision.offset_mm"
 
+# Iterations in which torn cloth slides over the avatar without friction, each if the one before was not enough; straps
+# slide off shoulders, too.
+SLIDES = (250, 250, 500, 1_000)
+
 TORN = 0.5  # strain of an edge: twice what any worn knit reaches, so it is a seam that did not close
 
 
@@ -58,6 +62,8 @@ class Attempt:
     ends_crossing: bool = False  # whether it ends where cloth passes through cloth
     posed: bool = False  # whether it starts sewn round the avatar as it is posed within the garments
     paddings: int = 0  # how often the avatar has been padded where it showed through
+    slides: int = 0  # it slides over the avatar without friction, the how manieth time; 0: it does not
+    lifted: bool = False  # whether a posed start lifts what is sewn to where it started, for it hangs on thin shoulders
 
     @property
     def touches(self) -> bool:
@@ -98,14 +104,25 @@ class Ended:
         return wanted is False or (not self.crossings and (self.attempt.touches or wanted is not True))
 
     @property
+    def ended_placed(self) -> bool:
+        """Whether it is at rest with every limb in its opening."""
+        return self.status is Status.AT_REST and self.apart and not self.misplaced
+
+    @property
     def well(self) -> bool:
         """Whether nothing is left to mend."""
-        return self.status is Status.AT_REST and self.apart and not self.torn and not self.misplaced
+        return self.ended_placed and not self.torn
+
+    @property
+    def good(self) -> bool:
+        """Whether it is worn, as far as attempts tell."""
+        return self.well and not (self.sunk or self.slipped or self.shown)
 
     @property
     def rank(self) -> tuple[bool, bool, bool, bool, bool, bool, bool, int, int]:
-        """Larger is better."""
-        finite, rests = self.status is not Status.DIVERGED, self.status is Status.AT_REST
+        """Larger is better; what slid without friction is none of the scene's shapes."""
+        rests = self.status is Status.AT_REST
+        finite = self.status is not Status.DIVERGED and not self.attempt.slides
         placed, held, covers = not self.misplaced, not (self.sunk or self.slipped), not self.shown
         return finite, self.well, placed, held, covers, self.apart and rests, self.apart, -self.torn, -self.crossings
 
@@ -136,13 +153,23 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     """
     ended = history[-1]
     attempt, stated = ended.attempt, ended.attempt.stated
-    may_end = ended.well and not (ended.sunk or ended.slipped or ended.shown)
-    if may_end or ended.status is Status.DIVERGED or stated.solver.start == "dressed":
+    if ended.good or ended.status is Status.DIVERGED or stated.solver.start == "dressed":
         return None
     if stated.solver.iterations is not None and ended.status is not Status.AT_REST and ended.cut_short is None:
         return None  # as many iterations as the scene wants
+    if attempt.slides:
+        return _slid(history)
+    return _usual_attempt(history, outfit) or _last_resort(history, outfit)
+
+
+def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
+    """What mostly helps; of attempts that were the last resort only what follows the one that was lifted."""
+    first = next((n for n, each in enumerate(history) if each.attempt.lifted), 0)
+    ended, own = history[-1], history[first:]
+    attempt, stated = ended.attempt, ended.attempt.stated
+    is_late = first > 0 or any(each.attempt.slides for each in history)
     posed_next = _may_pose(stated, outfit) and not any(each.attempt.posed for each in history)
-    levels_next = _may_have_levels(stated) and not any(each.attempt.has_levels for each in history)
+    levels_next = _may_have_levels(stated) and not any(each.attempt.has_levels for each in own)
     if posed_next and (ended.torn or ended.misplaced or (ended.cut_short is CutShort.CROSSING and attempt.touches)):
         return _posed(stated, outfit, "cloth was torn or tangled round a limb", last=not levels_next)
     if posed_next and ended.sunk:
@@ -150,22 +177,81 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     if posed_next and ended.slipped:
         return _posed(stated, outfit, "it slipped off the shoulders", last=not levels_next)
     if ended.well:
-        may_pad = "offset_mm" not in stated.collision.model_fields_set and attempt.paddings < MOST_PADDINGS
+        may_pad = _may_pad(stated) and attempt.paddings < MOST_PADDINGS
         return _padded(ended, len(history) - 1) if ended.shown and may_pad else None
+    if is_late and (not first or _last_posed(own) is None):
+        return None
     may_touch = stated.collision.cloth is not False
     if attempt.touches:
-        return _levels(stated, _last_posed(history)) if levels_next else None
-    if may_touch and (ended.crossings or (attempt.has_levels and len(history) > 1)):
-        if ended.torn and attempt.has_levels and history[0].status is Status.AT_REST:
+        return _levels(stated, history, _last_posed(history)) if levels_next else None
+    if may_touch and (ended.crossings or (attempt.has_levels and len(own) > 1)):
+        if ended.torn and attempt.has_levels and own[0].status is Status.AT_REST:
             return None
-        begins_after = _untangling_start(history)
-        if begins_after is None and any(each.attempt.touches for each in history):
+        begins_after = _untangling_start(history, first)
+        if begins_after is None and any(each.attempt.touches for each in own):
             return None
         why = "cloth crossed without it"
         method = "direct" if stated.solver.method == "direct" else "accelerated"
-        return _attempt(stated, method, True, why, "contact is per vertex", begins_after, last=not levels_next)
+        untangled = _attempt(stated, method, True, why, "contact is per vertex", begins_after, last=not levels_next)
+        return _on_padded(untangled, history)
     still_open = ended.torn or ended.misplaced or ended.status is not Status.AT_REST
-    return _levels(stated, _last_posed(history)) if levels_next and still_open else None
+    return _levels(stated, history, _last_posed(history)) if levels_next and still_open else None
+
+
+def _may_pad(stated: Scene) -> bool:
+    return "offset_mm" not in stated.collision.model_fields_set
+
+
+def _last_resort(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
+    """What is tried where all else ended badly: cloth tugged into place, then another way of sewing it."""
+    best, stated = max(history, key=lambda each: each.rank), history[0].attempt.stated
+    if best.good or stated.solver.iterations is not None or stated.solver.method != "auto":
+        return None
+    torn = [each for each in history if each.torn and each.ended_placed]
+    if torn and stated.avatar is not None and not any(each.attempt.slides for each in history):
+        most = max(torn, key=lambda each: each.rank)
+        return _sliding(most.attempt, history.index(most), 1)
+    may_lift = any(wearing is not None and not wearing.hangs_from_waist for wearing in outfit.wearing)
+    is_torn = best.torn > 0 or best.misplaced
+    posed = [each.attempt for each in history if each.attempt.posed]
+    if is_torn and may_lift and posed and not any(attempt.lifted for attempt in posed):
+        return replace(_posed(stated, outfit, "it was torn as it hung on the avatar", last=False), lifted=True)
+    return None
+
+
+def _sliding(before: Attempt, number: int, slides: int) -> Attempt:
+    """One that slides over the avatar from where an attempt left it, as its wearer would tug it into place."""
+    scene = before.scene
+    if scene.avatar is None:
+        raise ValueError("there is no avatar to slide over")
+    sliding = scene.model_copy(
+        update={
+            "avatar": scene.avatar.model_copy(update={"friction": 0.0}),
+            "solver": scene.solver.model_copy(update={"iterations": SLIDES[slides - 1]}),
+        }
+    )
+    others = tuple(choice for choice in before.choices if choice.key != "solver.start")
+    why = "friction held cloth where it was torn, so it slid into place without"
+    return replace(
+        before,
+        scene=sliding,
+        choices=(*others, Choice("solver.start", "slid into place", why)),
+        begins_after=number,
+        patience=Patience.NONE,
+        posed=False,
+        slides=slides,
+    )
+
+
+def _slid(history: Sequence[Ended]) -> Attempt:
+    """What follows one that slid: the same farther while cloth is torn, then the scene's own friction."""
+    ended, number = history[-1], len(history) - 1
+    slides = ended.attempt.slides
+    if ended.torn and slides < len(SLIDES):
+        return _sliding(ended.attempt, number, slides + 1)
+    first = history[number - slides + 1].attempt
+    own = history[first.begins_after or 0].attempt.scene
+    return replace(ended.attempt, scene=own, begins_after=number, patience=Patience.LONG, slides=0)
 
 
 def _last_posed(history: Sequence[Ended]) -> int | None:
@@ -174,13 +260,13 @@ def _last_posed(history: Sequence[Ended]) -> int | None:
     return good[-1] if good else None
 
 
-def _untangling_start(history: Sequence[Ended]) -> int | None:
+def _untangling_start(history: Sequence[Ended], first: int) -> int | None:
     """The attempt from whose shape one with contact starts; None: as the garments are placed."""
     ended = history[-1]
     if ended.attempt.has_levels:
         if ended.crossings <= FEW_CROSSINGS * ended.vertices and not ended.torn:
             return len(history) - 1
-        for number, each in enumerate(history):
+        for number, each in enumerate(history[first:], first):
             if each.attempt.touches and each.crossings <= FEW_CROSSINGS * each.vertices and not each.torn:
                 return number
     return None
@@ -217,9 +303,21 @@ def _first_contact(scene: Scene, outfit: Outfit) -> tuple[bool, str]:
     return False, "nothing crosses"
 
 
-def _levels(stated: Scene, begins_after: int | None) -> Attempt:
+def _levels(stated: Scene, history: Sequence[Ended], begins_after: int | None) -> Attempt:
     why = "the accelerated method ended torn, or made no more progress"
-    return _attempt(stated, "multilevel", False, "nothing crosses", why, begins_after, last=False)
+    attempt = _attempt(stated, "multilevel", False, "nothing crosses", why, begins_after, last=False)
+    return _on_padded(attempt, history)
+
+
+def _on_padded(attempt: Attempt, history: Sequence[Ended]) -> Attempt:
+    """The attempt with the avatar padded as that from which it starts, and where it showed through there."""
+    if attempt.begins_after is None:
+        return attempt
+    before = history[attempt.begins_after]
+    paddings = before.attempt.paddings
+    if before.shown and not (before.torn or before.misplaced) and _may_pad(attempt.stated) and paddings < MOST_PADDINGS:
+        paddings += 1
+    return _with_paddings(attempt, paddings)
 
 
 def _posed(stated: Scene, outfit: Outfit, why: str, *, last: bool) -> Attempt:
@@ -234,10 +332,15 @@ def _posed(stated: Scene, outfit: Outfit, why: str, *, last: bool) -> Attempt:
 def _padded(ended: Ended, number: int) -> Attempt:
     """The same attempt, from where it ended, with the avatar padded where it shows through."""
     before = ended.attempt
-    others = [choice for choice in before.choices if choice.key != OFFSET_KEY]
+    return _with_paddings(replace(before, begins_after=number, posed=False), before.paddings + 1)
+
+
+def _with_paddings(attempt: Attempt, paddings: int) -> Attempt:
+    if not paddings:
+        return attempt
+    others = [choice for choice in attempt.choices if choice.key != OFFSET_KEY]
     raised = Choice(OFFSET_KEY, "raised", "the body showed through large faces, and is padded under them")
-    choices = (*others, raised)
-    return replace(before, begins_after=number, posed=False, paddings=before.paddings + 1, choices=choices)
+    return replace(attempt, paddings=paddings, choices=(*others, raised))
 
 
 def _attempt(
