@@ -31,7 +31,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--fabrics", type=int, default=10)
     parser.add_argument("--photos", type=int, default=3)
-    parser.add_argument("--rings", type=int, default=26)
+    parser.add_argument("--rings", type=int, default=32, help="of the discs that are photographed")
     parser.add_argument("--refine", action="store_true")
     parser.add_argument("--keep", type=Path)
     chosen = parser.parse_args()
@@ -40,7 +40,8 @@ def main() -> None:
     folder.mkdir(exist_ok=True)
     setting, rng, found = Setting(), np.random.default_rng(7), []
     for number in range(chosen.fabrics):
-        # not an entry of the table: lengths, weight, stretch and shear of its own (20 % off its class), another mesh
+        # not an entry of the table: lengths, weight, stretch and shear of its own (20 % off its class), another mesh,
+        # finer than the fit's
         lengths = setting.support * np.exp(
             rng.uniform(np.log(0.11), np.log(0.42)) + np.array([0.5, -0.5]) * rng.normal(0, 0.15)
         )
@@ -64,14 +65,14 @@ def main() -> None:
                 reading = read_drape(path, setting)
             except InputError as error:
                 print(f"{number}_{copy} {view.side:5d} px  {error}", flush=True)
-                found.append((np.inf, np.inf, 1.0))
+                found.append((np.inf, np.inf, 1.0, np.inf, np.inf, 1.0))
                 continue
             made = fabric_of_readings([reading], base, setting, refine=chosen.refine)
             warp, weft = rigidities(made.fabric, made.estimate, setting.support)
             off = reading.coefficient - drape.outline.coefficient(setting.ratio)
             mean = np.sqrt(warp * weft / truth.prod()) - 1.0
-            sigma = made.rigidity_errors[0]
-            found.append((off, mean, sigma))
+            sigma, one = made.rigidity_errors
+            found.append((off, mean, sigma, warp / truth[0] - 1.0, weft / truth[1] - 1.0, one))
             print(
                 f"{number}_{copy} {view.side:5d} px tilt {view.tilt:4.1f}  DC {reading.coefficient:5.1f} ({off:+5.2f})"
                 f"  folds {reading.outline.folds} ({drape.outline.folds})  B {100 * mean:+5.0f} % (+-{100 * sigma:.0f})"
@@ -83,7 +84,13 @@ def main() -> None:
     print(f"photographs {len(table)}, read {read.sum()}, refined {chosen.refine}")
     print(f"coefficient within 1 point: {(np.abs(table[:, 0]) < 1.0).sum()}")
     print(f"mean bending within 15 %: {(np.abs(table[:, 1]) < 0.15).sum()}")
-    print(f"within two stated standard deviations: {(np.abs(np.log1p(table[read, 1])) < 2 * table[read, 2]).sum()}")
+    apart = np.abs(table[:, 3:5]).max(axis=1)
+    print(f"both of warp and weft within 15 %: {(apart < 0.15).sum()}")
+    print(
+        f"mean within two stated standard deviations: {(np.abs(np.log1p(table[read, 1])) < 2 * table[read, 2]).sum()}"
+    )
+    off = np.abs(np.log1p(table[read, 3:5])).max(axis=1)
+    print(f"both within two stated standard deviations: {(off < 2 * table[read, 5]).sum()}")
 
 
 if __name__ == "__main__":
