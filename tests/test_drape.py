@@ -188,7 +188,7 @@ def test_more_drapes_tell_more_and_stiffer_cloth_drapes_less() -> None:
     assert found(40.0)[0] < found(60.0)[0]
     assert found(59.5, 60.0, 60.5)[1] < found(60.0)[1]
     with pytest.raises(InputError, match="beyond the table"):
-        found(3.0)
+        found(1.5)
 
 
 def test_a_drape_has_no_size() -> None:

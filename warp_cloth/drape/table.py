@@ -18,8 +18,8 @@ USUAL_ANISOTROPY = 0.2  # standard deviation of ln(bending length along warp / w
 KNOWN_CLASS = 0.03  # of ln(bending length): what shear and stretch a quarter off the base's do to a drape
 UNKNOWN_CLASS = 0.07  # the same where they may be four times off
 MOST_ERROR = 0.5  # of ln(bending length): what is known of cloth without a drape
-DEEPER = 0.1  # times 1 - coefficient: the part by which tips of the 25 measured fabrics reach farther than the table's
-FULLNESS_ERROR = 0.02  # how far these fabrics lie from one line
+DEEPER = 0.07  # times 1 - coefficient: the part by which tips of the 25 measured fabrics reach farther than the table's
+FULLNESS_ERROR = 0.03  # how far these fabrics lie from one line
 BEYOND = 5.0  # [points] outside the table, where the drape says that a cloth is limp or stiff, no more
 OWN_FOLDS = 0.7  # of elongation_spread is left between a drape and its simulation in the same folds
 LEAST_SPREAD = 0.6  # [points] of one disc's coefficient
@@ -56,7 +56,7 @@ class Drapes:
         risen = np.maximum.accumulate(full[limpest:])
         off = np.array([-FULLNESS_ERROR, 0.0, FULLNESS_ERROR])
         low, found, high = np.interp(fullness + off, risen, reach[limpest:])
-        return float(found), float(np.hypot(0.5 * (high - low), self.reach_spread))
+        return float(found), float(np.hypot(max(high - found, found - low), self.reach_spread))
 
     def uneven(self, length: float, elongation: float, known: float, spread: float) -> tuple[float, float]:
         """Anisotropy whose drapes stand out so much more than those of ``known``, and its standard deviation."""
