@@ -182,19 +182,24 @@ def drape(
     """Drape test by Cusick (BS 5058, ISO 9073-9): discs of 30 cm on a support of 18 cm; ``rings`` sets the resolution.
 
     The number of folds depends on how a disc is laid, and the shadow on the folds: so laboratories test several
-    specimens with both sides up, and state the mean. These discs differ in slight waves at the start; the two sides of
-    cloth do not differ here. Fine discs start from the rest shapes of coarser ones, or they would creep for long.
+    specimens with both sides up, and state the mean. These discs differ in their mesh and in slight waves at the start;
+    the two sides of cloth do not differ here. Fine discs start from the rest shapes of coarser ones, or they would
+    creep for long.
     """
     levels = [rings]
     while levels[0] % 2 == 0 and levels[0] >= 2 * COARSEST_RINGS:
         levels.insert(0, levels[0] // 2)
-    mesh = drape_disc(levels[0])
-    settled = hung([Hanging(mesh, fabric, _waved(mesh, seed)) for seed in range(discs)], device, iterations)
+    meshes = [drape_disc(levels[0], seed=number) for number in range(discs)]
+    start = [Hanging(mesh, fabric, _waved(mesh, number)) for number, mesh in enumerate(meshes)]
+    settled = hung(start, device, iterations)
     for level in levels[1:]:
-        coarse, mesh = mesh, drape_disc(level)
-        starts = [Hanging(mesh, fabric, on_finer_disc(coarse, each.points, mesh)) for each in settled]
-        settled = hung(starts, device, iterations, near_rest=True)
-    return [Drape(mesh, each) for each in settled]
+        coarse, meshes = meshes, [drape_disc(level, seed=number) for number in range(discs)]
+        start = [
+            Hanging(fine, fabric, on_finer_disc(mesh, each.points, fine))
+            for mesh, each, fine in zip(coarse, settled, meshes, strict=True)
+        ]
+        settled = hung(start, device, iterations, near_rest=True)
+    return [Drape(mesh, each) for mesh, each in zip(meshes, settled, strict=True)]
 
 
 def drape_disc(rings: int, disc_radius: float = DISC_RADIUS, seed: int = 0) -> Mesh:

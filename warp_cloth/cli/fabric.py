@@ -31,7 +31,7 @@ Out = Annotated[
 ]
 Rings = Annotated[
     int | None,
-    typer.Option(help="Rings of vertices in a draped disc; 140 make 38,802 vertices.", show_default="30"),
+    typer.Option(help="Rings of vertices in a draped disc; 140 make 46,471 vertices.", show_default="30"),
 ]
 Discs = Annotated[int | None, typer.Option(help="Number of discs to drape.", show_default="6")]
 # of a fabric that is made from its drape

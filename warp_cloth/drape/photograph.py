@@ -13,7 +13,7 @@ from PIL import Image, ImageOps
 from warp_cloth.base.errors import InputError
 
 MOST_PIXELS = 64_000_000  # a telephone's 48 megapixels, and some
-FEWEST_SIDE = 200  # [pixels]
+FEWEST_SIDE = 100  # [pixels]
 WORKING_SIDE = 1000  # [pixels]; a disc of 300 mm is then read to 0.1 mm
 FOCAL_35MM = 41989  # EXIF's focal length on film of 43.3 mm across
 FILM_DIAGONAL = 43.27  # [mm]

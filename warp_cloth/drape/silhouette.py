@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,32 @@ FAINTEST = 7.0  # [CIELAB]; what differs less from the background is background
 SECOND_DRAPE = 0.2  # of the largest patch; another one as large is another drape
 SMALLEST = 0.02  # of the picture
 BAND = 3  # [pixels] on both sides of an edge, which are mixtures
+LEAST_TONES = 1.0 / 300.0  # between the tones of a silhouette: masks of 0 and 1 among 256 levels, too
+TONE, TWO_TONED = 0.06, 0.96  # a silhouette's pixels within TONE of its two tones; edges have levels between
+TOUCHING = 0.15  # of a side that a silhouette may touch: a tip does, and a disc of 300 pixels cut by 1
 NEARBY = 5.0  # [pixels], over which the colours on both sides of an edge are averaged
+
+
+def plain(photograph: Photograph) -> Photograph | None:
+    """A drawn silhouette, of two tones, as black on white with a margin; None: it is a photograph of more tones.
+
+    Drawn ones are often cropped to the cloth, which a photograph must not be.
+    """
+    grey = photograph.pixels.mean(axis=2)
+    low, high = float(grey.min()), float(grey.max())
+    if high - low < LEAST_TONES:
+        return None
+    level = (grey - low) / (high - low)
+    if np.mean((level < TONE) | (level > 1.0 - TONE)) < TWO_TONED:
+        return None
+    frame = [level[0], level[-1], level[:, 0], level[:, -1]]
+    ground = float(np.median(np.concatenate(frame))) > 0.5
+    level = level if ground else 1.0 - level
+    if any(float(np.mean(side < 0.5)) > TOUCHING for side in (level[0], level[-1], level[:, 0], level[:, -1])):
+        return None  # it may be cut off
+    margin = round(2.0 * BORDER * max(level.shape)) + 4
+    whole = np.pad(level, margin, constant_values=1.0)
+    return replace(photograph, pixels=np.repeat(whole[..., None], 3, axis=2))
 
 
 def find_cloth(photograph: Photograph) -> Mask:

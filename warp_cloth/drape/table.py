@@ -18,7 +18,9 @@ USUAL_ANISOTROPY = 0.2  # standard deviation of ln(bending length along warp / w
 KNOWN_CLASS = 0.03  # of ln(bending length): what shear and stretch a quarter off the base's do to a drape
 UNKNOWN_CLASS = 0.07  # the same where they may be four times off
 MOST_ERROR = 0.5  # of ln(bending length): what is known of cloth without a drape
-BEYOND = 8.0  # [points] outside the table, where the drape says that a cloth is limp or stiff, no more
+DEEPER = 0.07  # times 1 - coefficient: the part by which tips of the 25 measured fabrics reach farther than the table's
+FULLNESS_ERROR = 0.03  # how far these fabrics lie from one line
+BEYOND = 5.0  # [points] outside the table, where the drape says that a cloth is limp or stiff, no more
 OWN_FOLDS = 0.7  # of elongation_spread is left between a drape and its simulation in the same folds
 LEAST_SPREAD = 0.6  # [points] of one disc's coefficient
 
@@ -27,17 +29,34 @@ LEAST_SPREAD = 0.6  # [points] of one disc's coefficient
 class Drapes:
     """What discs of one ratio of disc to support drape like, over ln(bending length / support radius)."""
 
+    ratio: float
     length: Floats  # ln, shape [N]
     coefficient: Floats  # [%], rising, shape [N]
     spread: float  # of one disc's coefficient [points]
     elongation: Floats  # per ln(anisotropy), shape [N]
     elongation_spread: float  # of one disc
+    reach: Floats  # of the farthest tip [support radii], shape [N]
+    reach_spread: float  # of one disc
 
     def slope(self, length: float) -> float:
         """Points of the coefficient per unit of ln(bending length)."""
         step = 0.12
         low, high = (float(np.interp(length + d, self.length, self.coefficient)) for d in (-step, step))
         return max((high - low) / (2.0 * step), 5.0)
+
+    def reach_of(self, fullness: float) -> tuple[float, float]:
+        """How far the tips of a drape reach, and its standard deviation [support radii].
+
+        ``fullness`` is the mean squared radius over the square of the reach, which needs no scale.
+        """
+        covered = 0.01 * self.coefficient
+        reach = self.reach * (1.0 + DEEPER * (1.0 - covered))
+        full = (1.0 + covered * (self.ratio**2 - 1.0)) / reach**2
+        limpest = int(np.argmin(full))  # limper cloth, which hangs straight down, fills its circle again
+        risen = np.maximum.accumulate(full[limpest:])
+        off = np.array([-FULLNESS_ERROR, 0.0, FULLNESS_ERROR])
+        low, found, high = np.interp(fullness + off, risen, reach[limpest:])
+        return float(found), float(np.hypot(max(high - found, found - low), self.reach_spread))
 
     def uneven(self, length: float, elongation: float, known: float, spread: float) -> tuple[float, float]:
         """Anisotropy whose drapes stand out so much more than those of ``known``, and its standard deviation."""
@@ -83,11 +102,14 @@ def drapes_of_ratio(ratio: float) -> Drapes:
         return np.asarray((1.0 - part) * a + part * b)
 
     return Drapes(
+        ratio,
         low.length,
         mixed(low.coefficient, high.coefficient),
         max(low.spread, high.spread),
         mixed(low.elongation, high.elongation),
         max(low.elongation_spread, high.elongation_spread),
+        mixed(low.reach, high.reach),
+        max(low.reach_spread, high.reach_spread),
     )
 
 
@@ -130,7 +152,7 @@ def _tables() -> dict[float, Drapes]:
 
 def _drapes(rows: list[dict[str, float]]) -> Drapes:
     lengths = np.array(sorted({row["length"] for row in rows}))
-    levels, gains, residuals, off = [], [], [], []
+    levels, gains, residuals, off, reaches, reach_off = [], [], [], [], [], []
     for length in lengths:
         here = [row for row in rows if row["length"] == length]
         coefficients = np.array([row["coefficient"] for row in here])
@@ -139,16 +161,22 @@ def _drapes(rows: list[dict[str, float]]) -> Drapes:
         usual = uneven < 0.3  # up to 1.35: what most fabrics are
         levels.append(float(coefficients[usual].mean()))
         residuals.append(coefficients[usual] - levels[-1])
+        reach = np.array([row["reach"] for row in here])[usual]
+        reaches.append(float(reach.mean()))
+        reach_off.append(reach - reaches[-1])
         gain = float(uneven @ stretched / (uneven @ uneven))
         gains.append(max(gain, 0.0))
         off.append(stretched - gain * uneven)
     rising = _monotone(np.array(levels))
     return Drapes(
+        rows[0]["ratio"],
         np.log(lengths),
         rising,
         max(float(np.concatenate(residuals).std()), LEAST_SPREAD),
         _smooth(np.array(gains)),
         float(np.concatenate(off).std()),
+        _smooth(np.array(reaches)),
+        float(np.concatenate(reach_off).std()),
     )
 
 

@@ -2,6 +2,7 @@
 
 python tests/benchmarks/validation/drape_photos.py --fabrics 10 --photos 3            (reading only)
 python tests/benchmarks/validation/drape_photos.py --fabrics 10 --photos 3 --refine   (with real fits)
+python tests/benchmarks/validation/drape_photos.py --fabrics 60 --refine --outlines --device cuda --workers 6
 """
 
 from __future__ import annotations
@@ -9,81 +10,140 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-import time
-from dataclasses import replace
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from drape_photos import photograph, random_view
+from measured import Figures, add_write_option
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.drape.made import fabric_of_readings, rigidities
-from warp_cloth.drape.reading import Setting, read_drape
-from warp_cloth.drape.simulated import Trial, random_start, simulate, with_bending_lengths
-from warp_cloth.material.fabric import fabric_named
+from warp_cloth.drape.photograph import Photograph
+from warp_cloth.drape.reading import DrapeReading, Setting, read_drape
+from warp_cloth.drape.simulated import SimulatedDrape, Trial, random_start, simulate, with_bending_lengths
+from warp_cloth.material.fabric import Fabric, fabric_named
 from warp_cloth.material.laboratory import GRAVITY, KES_BENDING
+
+CLASSES = ("cotton", "wool", "jersey", "silk", "polyester", "linen")
+LENGTHS = (0.11, 0.42)  # bending length over the support's radius
+UNEVEN = 0.15  # of ln(bending length along the warp, and along the weft)
+OFF = 0.2  # of ln(stretch, shear), which the fit takes from the class, and of ln(weight), which it is told
+PLAIN_ERROR = 0.3  # [points], of an outline that is not photographed
+
+
+@dataclass(frozen=True)
+class Found:
+    """What came back of one drape."""
+
+    text: str
+    coefficient_off: float = np.inf  # [points]
+    rigidity_off: tuple[float, float] = (np.inf, np.inf)  # ln of found over true, warp and weft
+    errors: tuple[float, float] = (1.0, 1.0)  # stated, of ln of the mean rigidity, and of one
+
+    @property
+    def mean_off(self) -> float:
+        return 0.5 * sum(self.rigidity_off)
+
+
+def unknown_fabric(number: int, setting: Setting) -> tuple[Fabric, Fabric, np.ndarray]:
+    """A fabric that is no entry of the table, the one of its class as which it is taken, and B along warp and weft."""
+    rng = np.random.default_rng((7, number))
+    lengths = setting.support * np.exp(rng.uniform(*np.log(LENGTHS)) + np.array([0.5, -0.5]) * rng.normal(0, UNEVEN))
+    base = fabric_named(str(rng.choice(CLASSES)))
+    base = replace(base, weight=base.weight * float(np.exp(rng.normal(0, OFF))))
+    off = np.exp(rng.normal(0, OFF, 2))
+    cloth = replace(base, stretch_warp=base.stretch_warp * off[0], stretch_weft=base.stretch_weft * off[0])
+    shear = min((base.shear or 0.0) * float(off[1]), 0.24 * min(cloth.stretch_warp, cloth.stretch_weft))
+    true = with_bending_lengths(replace(cloth, shear=shear), *lengths)
+    return true, base, base.weight * GRAVITY * lengths**3 / KES_BENDING
+
+
+def tried(photos: int, rings: int, refine: bool, outlines: bool, device: str, folder: Path, number: int) -> list[Found]:
+    """Drapes one fabric, on a finer mesh than the fit's, photographs it, and makes it again from each photograph."""
+    start_warp(False)
+    setting = Setting()
+    true, base, truth = unknown_fabric(number, setting)
+    trial = Trial(true, random_start(100 + number), 100 + number)
+    (drape,) = simulate([trial], setting.support, setting.ratio, device=device, rings=rings)
+    found = []
+    for copy in range(1 if outlines else photos):
+        name = f"{number}_{copy}"
+        try:
+            reading = outlined(drape, setting) if outlines else photographed(drape, setting, number, copy, folder)
+        except InputError as error:
+            found.append(Found(f"{name} {error}"))
+            continue
+        made = fabric_of_readings([reading], base, setting, device=device, refine=refine)
+        rigidity = np.array(rigidities(made.fabric, made.estimate, setting.support))
+        off = reading.coefficient - drape.outline.coefficient(setting.ratio)
+        warp, weft = np.log(rigidity / truth).tolist()
+        mean_error, error = made.rigidity_errors
+        text = (
+            f"{name} DC {reading.coefficient:5.1f} ({off:+5.2f})  folds {reading.outline.folds} ({drape.outline.folds})"
+            f"  ln B off {0.5 * (warp + weft):+.2f} (+-{mean_error:.2f}),"
+            f" warp {warp:+.2f}, weft {weft:+.2f} (+-{error:.2f})"
+            f"  warp/weft {rigidity[0] / rigidity[1]:.2f} ({truth[0] / truth[1]:.2f})"
+        )
+        found.append(Found(text, off, (warp, weft), (mean_error, error)))
+    return found
+
+
+def photographed(drape: SimulatedDrape, setting: Setting, number: int, copy: int, folder: Path) -> DrapeReading:
+    view, path = random_view(1000 * number + copy), folder / f"{number}_{copy}.jpg"
+    photograph(drape.points, drape.mesh.triangles, view, setting.support, setting.disc, path)
+    return read_drape(path, setting)
+
+
+def outlined(drape: SimulatedDrape, setting: Setting) -> DrapeReading:
+    """A reading without a photograph: what the fit makes of a faultless one."""
+    outline = drape.outline
+    nothing = Photograph(Path("outline"), np.zeros((1, 1, 3)), 1.0, None)
+    coefficient = outline.coefficient(setting.ratio)
+    return DrapeReading(nothing, None, np.zeros((0, 2)), np.zeros((2, 3)), outline, coefficient, PLAIN_ERROR, ())
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fabrics", type=int, default=10)
-    parser.add_argument("--photos", type=int, default=3)
-    parser.add_argument("--rings", type=int, default=26)
+    parser.add_argument("--photos", type=int, default=3, help="of each fabric")
+    parser.add_argument("--rings", type=int, default=32, help="of the discs that are photographed")
     parser.add_argument("--refine", action="store_true")
-    parser.add_argument("--keep", type=Path)
+    parser.add_argument("--outlines", action="store_true", help="no photographs: the simulated outlines themselves")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--keep", type=Path, help="folder for the photographs")
+    add_write_option(parser)
     chosen = parser.parse_args()
-    start_warp(False)
     folder = chosen.keep or Path(tempfile.mkdtemp())
     folder.mkdir(exist_ok=True)
-    setting, rng, found = Setting(), np.random.default_rng(7), []
-    for number in range(chosen.fabrics):
-        # not an entry of the table: lengths, weight, stretch and shear of its own (20 % off its class), another mesh
-        lengths = setting.support * np.exp(
-            rng.uniform(np.log(0.11), np.log(0.42)) + np.array([0.5, -0.5]) * rng.normal(0, 0.15)
-        )
-        base = fabric_named(str(rng.choice(["cotton", "wool", "jersey", "silk", "polyester", "linen"])))
-        weight, off = base.weight * float(np.exp(rng.normal(0, 0.2))), np.exp(rng.normal(0, 0.2, 2))
-        base = replace(base, weight=weight)
-        shear = (base.shear or 0.0) * float(off[1])
-        cloth = replace(base, stretch_warp=base.stretch_warp * off[0], stretch_weft=base.stretch_weft * off[0])
-        cloth = replace(cloth, shear=min(shear, 0.24 * min(cloth.stretch_warp, cloth.stretch_weft)))
-        true = with_bending_lengths(cloth, *lengths)
-        truth = weight * GRAVITY * lengths**3 / KES_BENDING
-        trial = Trial(true, random_start(100 + number), 100 + number)
-        (drape,) = simulate([trial], setting.support, setting.ratio, rings=chosen.rings)
-        for copy in range(chosen.photos):
-            view = random_view(1000 * number + copy)
-            path = photograph(
-                drape.points, drape.mesh.triangles, view, setting.support, setting.disc, folder / f"{number}_{copy}.jpg"
-            )
-            begun = time.perf_counter()
-            try:
-                reading = read_drape(path, setting)
-            except InputError as error:
-                print(f"{number}_{copy} {view.side:5d} px  {error}", flush=True)
-                found.append((np.inf, np.inf, 1.0))
-                continue
-            made = fabric_of_readings([reading], base, setting, refine=chosen.refine)
-            warp, weft = rigidities(made.fabric, made.estimate, setting.support)
-            off = reading.coefficient - drape.outline.coefficient(setting.ratio)
-            mean = np.sqrt(warp * weft / truth.prod()) - 1.0
-            sigma = made.rigidity_errors[0]
-            found.append((off, mean, sigma))
-            print(
-                f"{number}_{copy} {view.side:5d} px tilt {view.tilt:4.1f}  DC {reading.coefficient:5.1f} ({off:+5.2f})"
-                f"  folds {reading.outline.folds} ({drape.outline.folds})  B {100 * mean:+5.0f} % (+-{100 * sigma:.0f})"
-                f"  warp/weft {warp / weft:.2f} ({truth[0] / truth[1]:.2f})  {time.perf_counter() - begun:.1f} s",
-                flush=True,
-            )
-    table = np.array(found)
-    read = np.isfinite(table[:, 0])
-    print(f"photographs {len(table)}, read {read.sum()}, refined {chosen.refine}")
-    print(f"coefficient within 1 point: {(np.abs(table[:, 0]) < 1.0).sum()}")
-    print(f"mean bending within 15 %: {(np.abs(table[:, 1]) < 0.15).sum()}")
-    print(f"within two stated standard deviations: {(np.abs(np.log1p(table[read, 1])) < 2 * table[read, 2]).sum()}")
+    try_one = partial(tried, chosen.photos, chosen.rings, chosen.refine, chosen.outlines, chosen.device, folder)
+    every: list[Found] = []
+    with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
+        for some in pool.map(try_one, range(chosen.fabrics)):
+            every += some
+            for each in some:
+                print(each.text, flush=True)
+    read = [each for each in every if np.isfinite(each.coefficient_off)]
+    limit, kind = np.log(1.15), "outlines" if chosen.outlines else "photographs"
+    counts = {
+        "read": len(read),
+        "coefficient_within_1": sum(abs(each.coefficient_off) < 1.0 for each in read),
+        "mean_B_within_15_percent": sum(abs(each.mean_off) < limit for each in read),
+        "both_B_within_15_percent": sum(max(map(abs, each.rigidity_off)) < limit for each in read),
+        "mean_B_within_two_stated": sum(abs(each.mean_off) < 2.0 * each.errors[0] for each in read),
+        "both_B_within_two_stated": sum(max(map(abs, each.rigidity_off)) < 2.0 * each.errors[1] for each in read),
+    }
+    with Figures(__file__, chosen, device=chosen.device, cores=1) as figures:
+        for key, count in counts.items():
+            figures.add(f"{kind}.{key}", f"{count} of {len(every)}", kind)
 
 
 if __name__ == "__main__":

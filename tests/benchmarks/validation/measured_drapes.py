@@ -63,7 +63,7 @@ def rows_of(device: str, rings: int | None, task: tuple[str, float]) -> list[lis
 def shape_of(drape: SimulatedDrape, ratio: float) -> tuple[float, ...]:
     """Coefficient [%], folds, smallest and largest radius of the rim [m], drop of its lowest point [m]."""
     outline = drape.outline
-    radius = SUPPORT * outline.smooth
+    radius = SUPPORT * outline.radius
     return (
         outline.coefficient(ratio),
         float(outline.folds),

@@ -38,7 +38,7 @@ FABRIC = Fabric(
     bending_warp=bending_of_rigidity(WEIGHT * GRAVITY * C**3, WEIGHT),
     bending_weft=bending_of_rigidity(WEIGHT * GRAVITY * C**3, WEIGHT),
 )
-ACROSS = 8  # edges across a strip
+WIDTH = 0.8 * C  # [m]; a strip of some edges' width, however fine, would be all border
 SHAKEN = 0.3  # of the edge, by which inner vertices of irregular strips leave the grid
 PER_LENGTH = (10, 20, 40)  # elements a bending length
 MESHES = ("regular", "irregular")
@@ -99,7 +99,7 @@ def settled(run: Run) -> Settled:
     rows = max(round(whole * run.per_length / C), 4)  # of edges between the clamps, or from the clamp to the end
     edge = whole / (rows if both else rows - 0.5)
     length = edge * (rows + 1 if both else rows)
-    mesh = (regular_strip if run.mesh == "regular" else irregular_strip)(ACROSS * edge, length, edge)
+    mesh = (regular_strip if run.mesh == "regular" else irregular_strip)(WIDTH, length, edge)
     flat = mesh.points
     s = 0.5 * length - flat[:, 2] - 0.5 * edge  # from the clamp
     held = s < 0.6 * edge
