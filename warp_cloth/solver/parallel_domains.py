@@ -15,6 +15,7 @@ from warp_cloth.base.threads import core_count
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.passes.domains import APART, NAP, domain_kernels, meet_threads
+from warp_cloth.kernels.passes.step import NoClothContact
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.anisotropic_step import AnisotropicStep, ScatteredUpdate
 from warp_cloth.solver.domains import Domain, cut_model
@@ -99,7 +100,7 @@ class ParallelDomains:
                 working.update.launch(*whole, (domain.vertices, domain.state))
             working.forces.launch(step)
             self._meet(number)
-            inputs = [domain.vertices, domain.state, step, collider_data, working.load]
+            inputs = [domain.vertices, domain.state, step, collider_data, NoClothContact(), working.load]
             wp.launch(self._move, dim=pass_size(size, True), inputs=inputs, device=device)
             self._meet(number)
         wp.launch(self._kernels.scatter_domain, dim=size, inputs=scattered, device=device)

@@ -72,7 +72,7 @@ class Relaxation:
         self._anisotropic_step = self._new_anisotropic_step() if has_compliance else None
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
-        self._packets = False  # whether a packet of vertices is moved at a time
+        self._packets = kernel_options.packets
         self._fuses_contact = fuses_contact(kernel_options) and model.patches is not None
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             self._move = advance_kernel(kernel_options)
@@ -82,8 +82,6 @@ class Relaxation:
         else:
             self._load = wp.zeros(model.vertex_count, dtype=cloth_types(model.precision).vec4, device=model.device)
             self._scatter = ForcePass(model, kernel_options.accumulate, self._load)
-            alone = kernel_options.accelerated and cloth_contact is None
-            self._packets = alone and takes_packets(model, model.vertex_count)
             self._move = (packet_displace_kernel if self._packets else displace_kernel)(kernel_options)
         self._items = model.vertices.items.numpy().copy()
         self._items["active"] = 1
@@ -111,6 +109,7 @@ class Relaxation:
             fits=patches is not None and patches.fits,
             few=patches is not None and patches.few,
             paired=patches is not None and patches.paired,
+            packets=accelerated and patches is None and takes_packets(model, model.vertex_count),
         )
         return replace(options, accumulate=accumulated(options))
 
@@ -126,7 +125,7 @@ class Relaxation:
 
     def _shared_out(self, count: int) -> ParallelDomains | None:
         """What lets so many threads iterate; None: what is to be iterated cannot be shared out."""
-        if count <= 1 or not self._packets or self.model.item_count > 1:
+        if count <= 1 or not self._packets or self.cloth_contact is not None or self.model.item_count > 1:
             return None
         return ParallelDomains(self.model, count, self._kernel_options.accumulate, self._move, self._anisotropic_step)
 
@@ -280,8 +279,7 @@ class Relaxation:
                 self._update_compliance(here)
                 self._scatter.launch(self.step)
                 self._add_contact_forces(iteration, here)
-                arguments = own[:2] if self._packets else own
-                inputs = [model.vertices, here, *arguments, self._load]
+                inputs = [model.vertices, here, *own, self._load]
                 size = pass_size(model.vertex_count, self._packets)
                 wp.launch(self._move, dim=size, inputs=inputs, device=model.device)
         if self._packed is not None and self.stays_packed:
