@@ -121,7 +121,7 @@ def test_queries_are_saved_without_a_change_of_bits(gathers: bool) -> None:
     assert (saving.model.points() == everywhere.model.points()).all()
 
 
-def layers(field: FieldBuild, *, gathers: bool, saves: bool) -> Relaxation:
+def layers(field: FieldBuild, *, gathers: bool = False, saves: bool = True, threads: int = 1) -> Relaxation:
     """Two sheets above the ball, the lower one held at a corner, the upper one lifted off the ball."""
     garments = []
     for height, held in ((0.0035, [0]), (0.006, [])):
@@ -137,7 +137,7 @@ def layers(field: FieldBuild, *, gathers: bool, saves: bool) -> Relaxation:
     cloth_contact = ClothContact(model, garments, kinds)
     cloth_contact.lift(1e-3)
     cloth_contact.untangles = False
-    relaxation = Relaxation(model, collider(field, saves=saves), StepOptions(), cloth_contact)
+    relaxation = Relaxation(model, collider(field, saves=saves), StepOptions(threads=threads), cloth_contact)
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels()])
     relaxation.restart()
     cloth_contact.awaken(relaxation.contact_state())

@@ -17,6 +17,15 @@ from warp_cloth.kernels.math.packet_memory import first_lane
 WIDTH = wp.constant(EIGHT)
 
 
+@wp.func
+def contact_number(order: wp.array(dtype=wp.int32), vertex: int) -> int:
+    """Number that contact has for a vertex: that in ``order``; empty: its own."""
+    number = vertex
+    if order.shape[0] > 0:
+        number = element(order, vertex)
+    return number
+
+
 @functools.cache
 def packet_contact_functions(precision: str) -> SimpleNamespace:
     """Functions ``take_contact`` and ``note_moves``."""
@@ -25,10 +34,12 @@ def packet_contact_functions(precision: str) -> SimpleNamespace:
     take_contact_load = take_load_function(precision)
 
     @wp.func
-    def take_contact(state: State, contact: ContactData, first: int, lanes: int, free: int):
+    def take_contact(
+        state: State, contact: ContactData, order: wp.array(dtype=wp.int32), first: int, lanes: int, free: int
+    ):
         """Contact's loads, limits of displacements, shifts, and distances from the last search, of eight vertices.
 
-        Those of ``lanes`` only; sums are reset of those that are ``free``, too.
+        Those of ``lanes`` only; sums are reset of those that are ``free``, too. ``order`` is of ``contact_number``.
         """
         loads = packets.vec4()
         limits = packets.real()
@@ -37,8 +48,9 @@ def packet_contact_functions(precision: str) -> SimpleNamespace:
         left = lanes
         while left != 0:  # not unrolled: what is called at one place is inlined, and its structs are not copied
             lane = first_lane(left)
-            vertex = first + lane
-            known = load_vertex_contact(contact, vertex, wp.vec3d(element(state.position, vertex)))
+            position = wp.vec3d(element(state.position, first + lane))
+            vertex = contact_number(order, first + lane)
+            known = load_vertex_contact(contact, vertex, position)
             moved[lane] = real(known.moved)
             if (free >> lane) & 1 != 0:
                 load, longest = take_contact_load(contact, vertex, known)
@@ -51,12 +63,19 @@ def packet_contact_functions(precision: str) -> SimpleNamespace:
         return loads, limits, shifts, moved
 
     @wp.func
-    def note_moves(contact: ContactData, first: int, lanes: int, moved: packets.real, lengths: packets.real):
+    def note_moves(
+        contact: ContactData,
+        order: wp.array(dtype=wp.int32),
+        first: int,
+        lanes: int,
+        moved: packets.real,
+        lengths: packets.real,
+    ):
         """``note_displacement`` of those of eight vertices; ``moved`` is of ``take_contact``."""
         left = lanes
         while left != 0:
             lane = first_lane(left)
-            vertex = first + lane
+            vertex = contact_number(order, first + lane)
             known = VertexContact()
             known.moved = float(moved[lane])
             known.skin = element(contact.trigger.skin, vertex)

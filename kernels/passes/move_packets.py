@@ -12,7 +12,7 @@ from warp_cloth.kernels.avatar.field import fetch_field, field_contact
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.options import KernelOptions
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.contact.packets import packet_contact_functions
+from warp_cloth.kernels.contact.packets import contact_number, packet_contact_functions
 from warp_cloth.kernels.laws.step import capped
 from warp_cloth.kernels.math.lanes import WIDTH as PACKET_WIDTH
 from warp_cloth.kernels.math.lanes import lane_types
@@ -169,6 +169,7 @@ def met_moves_function(options: KernelOptions) -> wp.Function:
         state: State,
         collider: collider_type,
         contact: Contact,
+        order: wp.array(dtype=wp.int32),
         first: int,
         lanes: int,
         moves: packets.vec3,
@@ -193,7 +194,7 @@ def met_moves_function(options: KernelOptions) -> wp.Function:
             near_one.position = element(state.position, vertex)
             lift = float(0.0)
             if wp.static(options.cloth_contact):
-                lift = element(contact.model.lift, vertex)
+                lift = element(contact.model.lift, contact_number(order, vertex))
             move, inertial = query_avatar(state, collider, False, vec6(), lift, near_one, move)
             for axis in range(3):
                 met[WIDTH * axis + lane] = move[axis]
@@ -231,6 +232,7 @@ def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
         step: Step,
         colliders: Colliders,
         contact: Contact,
+        order: wp.array(dtype=wp.int32),
         loads: packets.vec4,
         first: int,
         lanes: int,
@@ -243,7 +245,7 @@ def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
             free = lanes & lanes_free(model.pinned, first)
         pressed = packets.real()
         if wp.static(cloth_contact):
-            contact_loads, limits, shifts, moved = meets_cloth.take_contact(state, contact, first, lanes, free)
+            contact_loads, limits, shifts, moved = meets_cloth.take_contact(state, contact, order, first, lanes, free)
             pressed = component(contact_loads, 3)
             loads = loads + contact_loads
         moves, stiffness = own_moves(model, state, step, loads, pressed, first, item)
@@ -251,10 +253,10 @@ def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
             moves = moves + shifts
         momentum = moves
         if wp.static(avatar_contact is not None):
-            moves, momentum = met_moves(state, colliders[number], contact, first, free, moves, item)
+            moves, momentum = met_moves(state, colliders[number], contact, order, first, free, moves, item)
         if wp.static(cloth_contact):
             moves, momentum = capped(moves, limits), capped(momentum, limits) - shifts
-            meets_cloth.note_moves(contact, first, lanes, moved, root(inner(moves, moves)))
+            meets_cloth.note_moves(contact, order, first, lanes, moved, root(inner(moves, moves)))
         move_packet(state.position, state.displacement, first, free, moves, momentum)
         store_lanes(state.stiffness, first, free, stiffness)
 
@@ -265,6 +267,7 @@ def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
         step: Step,
         colliders: Colliders,
         contact: cloth_contact_type(cloth_contact),
+        order: wp.array(dtype=wp.int32),  # number that contact has for each vertex, shape [V]; empty: the same
         load_out: wp.array(dtype=vec4),  # the cloth's forces [N] and stiffness bounds [N/m], shape [V]; left at zero
     ):
         """Moves those of eight vertices that are free and of items that are not at rest."""
@@ -278,6 +281,6 @@ def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
             item = model.items[number]
             own = lanes & lanes_of(model.item, first, number)
             if item.active != 0 and own != 0:
-                displace_lanes(model, state, step, colliders, contact, loads, first, own, number, item)
+                displace_lanes(model, state, step, colliders, contact, order, loads, first, own, number, item)
 
     return displace_vertices

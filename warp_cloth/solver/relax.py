@@ -80,6 +80,7 @@ class Relaxation:
             some = self.active_set.vertices
             self._packed = PackedCloth(model, model.patches, kernel_options.accelerated, some, packed=packed)
         else:
+            self._same_order = wp.empty(0, dtype=wp.int32, device=model.device)
             self._load = wp.zeros(model.vertex_count, dtype=cloth_types(model.precision).vec4, device=model.device)
             self._scatter = ForcePass(model, kernel_options.accumulate, self._load)
             self._move = (packet_displace_kernel if self._packets else displace_kernel)(kernel_options)
@@ -125,9 +126,15 @@ class Relaxation:
 
     def _shared_out(self, count: int) -> ParallelDomains | None:
         """What lets so many threads iterate; None: what is to be iterated cannot be shared out."""
-        if count <= 1 or not self._packets or self.cloth_contact is not None or self.model.item_count > 1:
+        if count <= 1 or not self._packets or self.model.item_count > 1:
             return None
-        return ParallelDomains(self.model, count, self._kernel_options.accumulate, self._move, self._anisotropic_step)
+
+        def add_contact(iteration: int) -> None:
+            self._add_contact_forces(iteration, self.model.state)
+
+        contact = None if self.cloth_contact is None else add_contact
+        summed = self._kernel_options.accumulate
+        return ParallelDomains(self.model, count, summed, self._move, self._anisotropic_step, contact)
 
     @property
     def thread_count(self) -> int:
@@ -279,7 +286,8 @@ class Relaxation:
                 self._update_compliance(here)
                 self._scatter.launch(self.step)
                 self._add_contact_forces(iteration, here)
-                inputs = [model.vertices, here, *own, self._load]
+                order = [self._same_order] if self._packets else []
+                inputs = [model.vertices, here, *own, *order, self._load]
                 size = pass_size(model.vertex_count, self._packets)
                 wp.launch(self._move, dim=size, inputs=inputs, device=model.device)
         if self._packed is not None and self.stays_packed:
@@ -334,7 +342,7 @@ class Relaxation:
         if which not in self._shares_graphs:
             loose = bool(self._items["anisotropy_limit"].any())
             updates = [loose and (self._done + number) % self._renewal == 0 for number in range(iterations)]
-            self._shares_graphs[which] = together.capture(self.step, self.collider_data, updates)
+            self._shares_graphs[which] = together.capture(self._arguments, updates)
         return self._shares_graphs[which]
 
     def _whole(self, shown: bool) -> bool:

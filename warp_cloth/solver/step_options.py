@@ -37,8 +37,7 @@ class StepOptions:
     loose: forces have balanced where the relative residual's rms is below this; they have not where it is above
         TIGHTER times that.
     renewal: iterations after which those directions are updated. An update costs as much as two iterations.
-    threads: of the CPU that share the iterations of a single item whose cloth passes through itself, where it can be
-        shared out; the bits are the same.
+    threads: of the CPU that share the iterations of a single item, where it can be shared out; the bits are the same.
     """
 
     method: Method = "accelerated"
