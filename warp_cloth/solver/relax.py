@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from warp_cloth.contact.cloth import ClothContact
 
 LIMIT_ON_CLOTH = 30.0  # where cloth meets cloth there is no more of it, nor the even damping of other loose cloth
+LOOSE_ON_CLOTH = 0.05  # where cloth meets cloth forces have not balanced before
 TIGHTER = 4.0  # times ``loose``: what is loose stays so till then, and does not change to and fro
 
 
@@ -57,6 +58,7 @@ class Relaxation:
         if cloth_contact is not None:  # else folds that lie on cloth swing for ever
             self.step.buckling = 1.0
             self._anisotropy_limit = min(options.anisotropy_limit, LIMIT_ON_CLOTH)
+            self._loose = min(options.loose, LOOSE_ON_CLOTH)
         kernel_options = self._chosen_kernels(accelerated=options.method == "accelerated")
         self._kernel_options = kernel_options
         has_compliance = kernel_options.anisotropic and options.anisotropy_limit > 0.0
