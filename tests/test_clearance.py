@@ -7,14 +7,19 @@ import pytest
 import trimesh
 import warp as wp
 from cloths import grid, model_of
+from sheets import FABRIC, iterate
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.avatar.depth import build_depth_buffers
 from warp_cloth.avatar.field import FieldBuild, build_contact_field
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.contact.cloth import ClothContact
+from warp_cloth.contact.sheets import SheetKind
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.avatar.field import ContactField, field_clearance, field_contact
 from warp_cloth.material.fabric import Fabric
+from warp_cloth.model.model import build_model
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import StepOptions
 
@@ -114,3 +119,46 @@ def test_queries_are_saved_without_a_change_of_bits(gathers: bool) -> None:
         relaxation.model.set_points(points - np.array([0.0, 0.006, 0.0]))
         relaxation.run(60)
     assert (saving.model.points() == everywhere.model.points()).all()
+
+
+def layers(field: FieldBuild, *, gathers: bool = False, saves: bool = True, threads: int = 1) -> Relaxation:
+    """Two sheets above the ball, the lower one held at a corner, the upper one lifted off the ball."""
+    garments = []
+    for height, held in ((0.0035, [0]), (0.006, [])):
+        square = grid(12, 0.3)
+        points = square.points[:, [0, 2, 1]]
+        points = points - points.mean(axis=0) + np.array([0.0, RADIUS + height, 0.0])
+        rest = build_rest_shape(Mesh("sheet", points, square.triangles), FABRIC, rest="mesh")
+        garments.append(Garment(points, square.triangles, rest, np.array(held, dtype=np.int32)))
+    model = build_model(
+        garments, device="cpu", precision="mixed", gathers=gathers, avatar_friction=[0.5], offset=[OFFSET], layered=True
+    )
+    kinds = [SheetKind(FABRIC.thickness, FABRIC.friction, layer=layer) for layer in (0, 1)]
+    cloth_contact = ClothContact(model, garments, kinds)
+    cloth_contact.lift(1e-3)
+    cloth_contact.untangles = False
+    relaxation = Relaxation(model, collider(field, saves=saves), StepOptions(threads=threads), cloth_contact)
+    wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels()])
+    relaxation.restart()
+    cloth_contact.awaken(relaxation.contact_state())
+    return relaxation
+
+
+def test_cloth_on_cloth_is_moved_in_packets_at_the_bits_of_one_vertex_after_another() -> None:
+    field = ball()
+    packets, queried, alone = (
+        layers(field, gathers=gathers, saves=saves) for gathers, saves in ((False, True), (False, False), (True, True))
+    )
+    for balanced in (1.0, 0.0, 1.0):
+        shapes = []
+        for relaxation in (packets, queried, alone):
+            relaxation.update_anisotropy(np.array([balanced]))
+            shapes.append(iterate(relaxation, 100))
+        assert (shapes[0] == shapes[1]).all()
+        assert (shapes[0] == shapes[2]).all()
+    contact = packets.cloth_contact
+    assert contact is not None
+    assert contact.data.pairs.count.numpy()[0] > 50
+    assert (packets.model.state.clearance.numpy() > 0.0).any()
+    assert (packets.model.state.in_contact.numpy() > 0).any()
+    assert not alone.model.state.clearance  # nor are queries saved where each vertex is moved alone

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import warp as wp
 from cloths import grid, model_of
+from sheets import iterate
+from test_clearance import ball, layers
 from test_reaction import FRICTION, OFFSET, floor
 
 from warp_cloth.avatar.collider import Collider
@@ -91,6 +93,22 @@ def test_threads_give_the_bits_of_one(case: dict, monkeypatch: pytest.MonkeyPatc
         shared = relaxed(count, **case)
         assert shared.thread_count == count
         assert all((one == other).all() for one, other in zip(state(alone), state(shared), strict=True))
+
+
+def test_threads_share_cloth_that_meets_cloth_at_the_bits_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(together, "AT_WORK", 0.0)
+    field = ball()
+    every = [layers(field, threads=count) for count in (1, 2, 3)]
+    assert [each.thread_count for each in every] == [1, 2, 3]
+    for balanced in (1.0, 0.0, 1.0):
+        for each in every:
+            each.update_anisotropy(np.array([balanced]))
+            iterate(each, 100)
+        alone, *others = (state(each) for each in every)
+        assert all((one == now).all() for other in others for one, now in zip(alone, other, strict=True))
+    contact = every[0].cloth_contact
+    assert contact is not None
+    assert contact.data.pairs.count.numpy()[0] > 50
 
 
 def test_threads_that_come_and_go_do_too(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -121,6 +121,7 @@ class KernelOptions:
     fits: whether no patch is too large for a block's own memory and threads.
     few: whether there are no more patches than FEW.
     paired: whether a thread works on a pair of triangles at a time.
+    packets: whether a packet of vertices is moved at a time, as the CPU does.
     in_order: whether vertices lie in the patches' order.
     packed: whether positions and compliance are packed (kernels.patches.packing).
     block_threads: threads of a block, where that is known at compile time; 0: read on the device.
@@ -136,6 +137,7 @@ class KernelOptions:
     fits: bool = False
     few: bool = False
     paired: bool = False
+    packets: bool = False
     in_order: bool = False
     packed: bool = False
     block_threads: int = 0

@@ -13,8 +13,10 @@ _RAISE = f"""
     wp::int32* const to = step.data + {REGIONS} * row + region;
     asm volatile("red.relaxed.gpu.global.max.s32 [%0], %1;" :: "l"(to), "r"(value) : "memory");
 #else
-    if (value > step.data[{REGIONS} * row + region])
-        step.data[{REGIONS} * row + region] = value;
+    int* const to = &step.data[{REGIONS} * row + region];
+    int now = __atomic_load_n(to, __ATOMIC_RELAXED);  // several threads may move vertices of a region
+    while (value > now && !__atomic_compare_exchange_n(to, &now, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {{
+    }}
 #endif
 """
 
@@ -31,7 +33,7 @@ _COUNT_THREADS = """
     if ((threadIdx.x & 31) == __ffs(all) - 1)
         asm volatile("red.relaxed.gpu.global.add.s32 [%0], %1;" :: "l"(count.data), "r"(__popc(all)) : "memory");
 #else
-    count.data[0] += 1;
+    __atomic_fetch_add(count.data, 1, __ATOMIC_RELAXED);
 #endif
 """
 

@@ -326,6 +326,12 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
         array[first] = array.dtype()
 
 
+@wp.func_native("return __builtin_ctz(lanes);")
+def first_lane(lanes: int) -> int:
+    """The first of some lanes."""
+    ...
+
+
 @wp.func
 def first_of_packet(number: int, count: int) -> int:
     """The first element of a packet; the last one overlaps the one before, to end with the last of ``count``."""

@@ -7,7 +7,7 @@ import warp as wp
 
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.math.operators import add, mul, sub  # noqa: F401  what + - * below call for packets
-from warp_cloth.kernels.math.packet import component, dot, symmetric, vector3
+from warp_cloth.kernels.math.packet import component, dot, symmetric, vector3, where_greater
 from warp_cloth.kernels.math.real import quotient
 
 SOLVABLE = wp.constant(1.0e-6)  # of a matrix' mean diagonal; keeps one with a direction that nothing resists solvable
@@ -52,17 +52,16 @@ def multiple_of_unit(size: Any):
 @wp.func
 def adjugate(n: Any):
     """Cofactors of n + SOLVABLE I, and its determinant."""
-    solvable = type(n[0])(SOLVABLE)
-    xx = n[0] + solvable
-    yy = n[1] + solvable
-    zz = n[2] + solvable
-    c00 = yy * zz - n[5] * n[5]
-    c01 = n[4] * n[5] - n[3] * zz
-    c02 = n[3] * n[5] - n[4] * yy
-    c11 = xx * zz - n[4] * n[4]
-    c12 = n[3] * n[4] - xx * n[5]
-    c22 = xx * yy - n[3] * n[3]
-    return type(n)(c00, c11, c22, c01, c02, c12), xx * c00 + n[3] * c01 + n[4] * c02
+    xy, xz, yz = component(n, 3), component(n, 4), component(n, 5)
+    solvable = type(xy)(type(n[0])(SOLVABLE))
+    xx, yy, zz = component(n, 0) + solvable, component(n, 1) + solvable, component(n, 2) + solvable
+    c00 = yy * zz - yz * yz
+    c01 = xz * yz - xy * zz
+    c02 = xy * yz - xz * yy
+    c11 = xx * zz - xz * xz
+    c12 = xy * xz - xx * yz
+    c22 = xx * yy - xy * xy
+    return symmetric(c00, c11, c22, c01, c02, c12), xx * c00 + xy * c01 + xz * c02
 
 
 @wp.func
@@ -79,20 +78,29 @@ def inverse(m: Any):
 
 
 @wp.func
+def each_over(m: Any, size: Any):
+    """m / size, by ``quotient``."""
+    xx, yy, zz = quotient(component(m, 0), size), quotient(component(m, 1), size), quotient(component(m, 2), size)
+    xy, xz, yz = quotient(component(m, 3), size), quotient(component(m, 4), size), quotient(component(m, 5), size)
+    return symmetric(xx, yy, zz, xy, xz, yz)
+
+
+@wp.func
+def each_times(m: Any, size: Any):
+    """m size."""
+    xx, yy, zz = component(m, 0) * size, component(m, 1) * size, component(m, 2) * size
+    return symmetric(xx, yy, zz, component(m, 3) * size, component(m, 4) * size, component(m, 5) * size)
+
+
+@wp.func
 def bounded_inverse(m: Any):
     """``inverse`` by ``quotient``, as fast as a GPU can, of what is as large as stiffnesses are."""
-    zero, one = type(m[0])(0.0), type(m[0])(1.0)
-    mean = (m[0] + m[1] + m[2]) / type(m[0])(3.0)
-    result = type(m)()
-    if mean > zero:
-        n = type(m)(
-            quotient(m[0], mean), quotient(m[1], mean), quotient(m[2], mean),
-            quotient(m[3], mean), quotient(m[4], mean), quotient(m[5], mean),
-        )  # fmt: skip
-        cofactors, determinant = adjugate(n)
-        if determinant > zero:
-            result = cofactors * quotient(one, determinant * mean)
-    return result
+    trace = component(m, 0) + component(m, 1) + component(m, 2)
+    zero, one = type(trace)(type(m[0])(0.0)), type(trace)(type(m[0])(1.0))
+    mean = quotient(trace, type(trace)(type(m[0])(3.0)))
+    cofactors, determinant = adjugate(each_over(m, where_greater(mean, zero, mean, one)))
+    size = where_greater(determinant, zero, quotient(one, determinant * mean), zero)
+    return each_times(cofactors, where_greater(mean, zero, size, zero))
 
 
 @functools.cache

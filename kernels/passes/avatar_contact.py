@@ -55,7 +55,7 @@ def query_function(options: KernelOptions, saves_queries: bool, prefetched: bool
         at = avatar_contact(collider, place)
         depth = vertex.item.offset - at[3] + lift
         if wp.static(saves_queries):
-            state.clearance[vertex.index] = field_clearance(collider, place, at[3], vertex.item.offset)
+            state.clearance[vertex.index] = field_clearance(collider, place, at[3], vertex.item.offset + lift)
         inertial = move
         if depth > 0.0:
             move = pushed_move(at, depth, move, vertex.item)

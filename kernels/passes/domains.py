@@ -60,7 +60,7 @@ def meet_threads(
 
 @functools.cache
 def domain_kernels(precision: str) -> SimpleNamespace:
-    """Kernels ``gather_domain`` and ``scatter_domain``, which copy what iterations change."""
+    """Kernels ``gather_domain``, ``scatter_domain`` and ``show_domain``, which copy what iterations change."""
     State = cloth_types(precision).State
 
     @wp.func
@@ -94,4 +94,15 @@ def domain_kernels(precision: str) -> SimpleNamespace:
         """Copies them back."""
         copy_vertex(domain, wp.tid(), state_out, order[wp.tid()])
 
-    return SimpleNamespace(gather_domain=gather_domain, scatter_domain=scatter_domain)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def show_domain(
+        domain: State,
+        order: wp.array(dtype=wp.int32),
+        state_out: State,  # of all vertices
+    ):
+        """Copies back where they are and how they moved, which contact of cloth with cloth reads."""
+        vertex, place = order[wp.tid()], wp.tid()
+        state_out.position[vertex] = domain.position[place]
+        state_out.displacement[vertex] = domain.displacement[place]
+
+    return SimpleNamespace(gather_domain=gather_domain, scatter_domain=scatter_domain, show_domain=show_domain)

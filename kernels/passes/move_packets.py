@@ -8,15 +8,18 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.avatar.field import fetch_field
+from warp_cloth.kernels.avatar.field import fetch_field, field_contact
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.options import KernelOptions
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.contact.packets import contact_number, packet_contact_functions
+from warp_cloth.kernels.laws.step import capped
 from warp_cloth.kernels.math.lanes import WIDTH as PACKET_WIDTH
 from warp_cloth.kernels.math.lanes import lane_types
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
-from warp_cloth.kernels.math.packet import where_greater
+from warp_cloth.kernels.math.packet import component, where_greater
 from warp_cloth.kernels.math.packet_memory import (
+    first_lane,
     first_of_packet,
     load_packet,
     move_packet,
@@ -24,11 +27,13 @@ from warp_cloth.kernels.math.packet_memory import (
     store_zeros,
 )
 from warp_cloth.kernels.math.real import inner, root
-from warp_cloth.kernels.math.symmetric import symmetric_times
+from warp_cloth.kernels.math.symmetric import bounded_inverse, symmetric_times
 from warp_cloth.kernels.passes.avatar_contact import LONGER, STEP, query_function
 from warp_cloth.kernels.passes.step import (
     AHEAD,
+    cloth_contact_type,
     colliders_type,
+    compliant_descent,
     descent_function,
     momentum_function,
     saves_queries,
@@ -91,12 +96,6 @@ def put_none(array: wp.array(dtype=wp.uint8), first: int, lanes: int):
     array[first] = wp.uint8(0)
 
 
-@wp.func_native("return __builtin_ctz(lanes);")
-def first_lane(lanes: int) -> int:
-    """The first of some lanes."""
-    ...
-
-
 for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
     _one = lane_types(_real, PACKET_WIDTH).real
 
@@ -129,15 +128,26 @@ def own_moves_function(options: KernelOptions) -> wp.Function:
     with_momentum = momentum_function(precision, steady)
 
     @wp.func
-    def own_moves(model: Model, state: State, step: Step, load: packets.vec4, first: int, item: Item):
-        """Displacements of eight vertices by their forces, and the stiffness that they go by."""
+    def own_moves(
+        model: Model, state: State, step: Step, load: packets.vec4, pressed: packets.real, first: int, item: Item
+    ):
+        """Displacements of eight vertices by their forces, and the stiffness that they go by.
+
+        ``pressed``: what of the stiffness bound is not the cloth's own but of cloth that presses.
+        """
+        weight = load_packet(model.weight, first)
         force, descent, stiffness, momentum_ratio = force_descent(
-            step, load, load_packet(model.weight, first), load_packet(state.stiffness, first), item
+            step, load, weight, load_packet(state.stiffness, first), item
         )
         if wp.static(options.anisotropic):
             if item.anisotropy_limit > real(0.0):
                 loose = loose_lanes(momentum_ratio, state.in_contact, first)
-                further = symmetric_times(load_packet(state.compliance, first), descent)
+                compliance = load_packet(state.compliance, first)
+                if wp.static(options.cloth_contact):  # what contact and friction hold is held alike in all directions
+                    own = component(load, 3) - pressed + weight / packets.real(item.cap)
+                    further = compliant_descent(bounded_inverse(compliance), force, own, stiffness)
+                else:
+                    further = symmetric_times(compliance, descent)
                 descent = where_greater(loose, packets.real(real(0.0)), further, descent)
         last = load_packet(state.displacement, first)
         return with_momentum(step, item, force, descent, last, momentum_ratio), stiffness
@@ -151,10 +161,20 @@ def met_moves_function(options: KernelOptions) -> wp.Function:
     types, packets = cloth_types(options.precision), lane_types(cloth_types(options.precision).real, PACKET_WIDTH)
     vec3, vec6, State, Item, Vertex = types.vec3, types.vec6, types.State, types.Item, types.Vertex
     spares, collider_type = saves_queries(options), options.collider
+    Contact = cloth_contact_type(options.cloth_contact)
     query_avatar = query_function(options, spares, prefetched=False)
 
     @wp.func
-    def met_moves(state: State, collider: collider_type, first: int, lanes: int, moves: packets.vec3, item: Item):
+    def met_moves(
+        state: State,
+        collider: collider_type,
+        contact: Contact,
+        order: wp.array(dtype=wp.int32),
+        first: int,
+        lanes: int,
+        moves: packets.vec3,
+        item: Item,
+    ):
         """Their displacements after contact and friction, and what of them has momentum; those of ``lanes`` only."""
         met = moves
         momentum = moves
@@ -172,7 +192,10 @@ def met_moves_function(options: KernelOptions) -> wp.Function:
             near_one.index = vertex
             near_one.item = item
             near_one.position = element(state.position, vertex)
-            move, inertial = query_avatar(state, collider, False, vec6(), float(0.0), near_one, move)
+            lift = float(0.0)
+            if wp.static(options.cloth_contact):
+                lift = element(contact.model.lift, contact_number(order, vertex))
+            move, inertial = query_avatar(state, collider, False, vec6(), lift, near_one, move)
             for axis in range(3):
                 met[WIDTH * axis + lane] = move[axis]
                 momentum[WIDTH * axis + lane] = inertial[axis]
@@ -184,12 +207,14 @@ def met_moves_function(options: KernelOptions) -> wp.Function:
 
 @functools.cache
 def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
-    """Kernel ``displace_vertices`` of the accelerated step, of cloth that passes through itself."""
-    types, avatar_contact = cloth_types(options.precision), options.avatar_contact
-    vec4, Model, State, Step = types.vec4, types.Model, types.State, types.Step
-    Colliders, spares = colliders_type(avatar_contact, options.collider), saves_queries(options)
+    """Kernel ``displace_vertices`` of the accelerated step."""
+    types, packets = cloth_types(options.precision), lane_types(cloth_types(options.precision).real, PACKET_WIDTH)
+    vec4, Model, State, Step, Item = types.vec4, types.Model, types.State, types.Step, types.Item
+    avatar_contact, collider_type, cloth_contact = options.avatar_contact, options.collider, options.cloth_contact
+    Colliders, Contact = colliders_type(avatar_contact, collider_type), cloth_contact_type(cloth_contact)
     own_moves = own_moves_function(options)
     met_moves = None if avatar_contact is None else met_moves_function(options)
+    meets_cloth = packet_contact_functions(options.precision)
 
     @wp.func
     def fetch_ahead(model: Model, state: State, colliders: Colliders, first: int):
@@ -200,32 +225,62 @@ def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
                 if element(state.clearance, vertex) == 0.0:
                     fetch_field(colliders[element(model.item, vertex)], wp.vec3d(element(state.position, vertex)))
 
+    @wp.func
+    def displace_lanes(
+        model: Model,
+        state: State,
+        step: Step,
+        colliders: Colliders,
+        contact: Contact,
+        order: wp.array(dtype=wp.int32),
+        loads: packets.vec4,
+        first: int,
+        lanes: int,
+        number: int,
+        item: Item,
+    ):
+        """Moves those of eight vertices, all of an item: ``lanes`` but for what is pinned."""
+        free = lanes
+        if wp.static(options.terms.pins):
+            free = lanes & lanes_free(model.pinned, first)
+        pressed = packets.real()
+        if wp.static(cloth_contact):
+            contact_loads, limits, shifts, moved = meets_cloth.take_contact(state, contact, order, first, lanes, free)
+            pressed = component(contact_loads, 3)
+            loads = loads + contact_loads
+        moves, stiffness = own_moves(model, state, step, loads, pressed, first, item)
+        if wp.static(cloth_contact):
+            moves = moves + shifts
+        momentum = moves
+        if wp.static(avatar_contact is not None):
+            moves, momentum = met_moves(state, colliders[number], contact, order, first, free, moves, item)
+        if wp.static(cloth_contact):
+            moves, momentum = capped(moves, limits), capped(momentum, limits) - shifts
+            meets_cloth.note_moves(contact, order, first, lanes, moved, root(inner(moves, moves)))
+        move_packet(state.position, state.displacement, first, free, moves, momentum)
+        store_lanes(state.stiffness, first, free, stiffness)
+
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
         model: Model,
         state: State,
         step: Step,
         colliders: Colliders,
+        contact: cloth_contact_type(cloth_contact),
+        order: wp.array(dtype=wp.int32),  # number that contact has for each vertex, shape [V]; empty: the same
         load_out: wp.array(dtype=vec4),  # the cloth's forces [N] and stiffness bounds [N/m], shape [V]; left at zero
     ):
         """Moves those of eight vertices that are free and of items that are not at rest."""
         first = first_of_packet(wp.tid(), model.weight.shape[0])
         lanes = 256 - (1 << (WIDTH * wp.tid() - first))  # the others are moved already
-        if wp.static(options.terms.pins):
-            lanes &= lanes_free(model.pinned, first)
         loads = load_packet(load_out, first)
         store_zeros(load_out, first)
-        if wp.static(spares):
+        if wp.static(avatar_contact is field_contact):
             fetch_ahead(model, state, colliders, first)
         for number in range(element(model.item, first), element(model.item, first + WIDTH - 1) + 1):
             item = model.items[number]
             own = lanes & lanes_of(model.item, first, number)
             if item.active != 0 and own != 0:
-                moves, stiffness = own_moves(model, state, step, loads, first, item)
-                momentum = moves
-                if wp.static(avatar_contact is not None):
-                    moves, momentum = met_moves(state, colliders[number], first, own, moves, item)
-                move_packet(state.position, state.displacement, first, own, moves, momentum)
-                store_lanes(state.stiffness, first, own, stiffness)
+                displace_lanes(model, state, step, colliders, contact, order, loads, first, own, number, item)
 
     return displace_vertices

@@ -15,9 +15,9 @@ from warp_cloth.kernels.laws.direct_step import direct_displacement
 from warp_cloth.kernels.laws.step import accelerated_displacement, capped, step_stiffness
 from warp_cloth.kernels.math.lanes import lane_types
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
-from warp_cloth.kernels.math.packet import broadcast, component, vector3
+from warp_cloth.kernels.math.packet import broadcast, component, minimum, vector3
 from warp_cloth.kernels.math.real import root, scaled_sum
-from warp_cloth.kernels.math.symmetric import bounded_inverse, multiple_of_unit, symmetric_times
+from warp_cloth.kernels.math.symmetric import bounded_inverse, each_times, multiple_of_unit, symmetric_times
 from warp_cloth.kernels.passes.avatar_contact import avatar_function
 from warp_cloth.kernels.patches.packing import order_functions
 
@@ -119,10 +119,9 @@ def prefetch_function(options: KernelOptions) -> wp.Function:
 def saves_queries(options: KernelOptions) -> bool:
     """Whether the avatar is queried only for vertices that may have come near: where that is known, and saves time.
 
-    Where cloth meets cloth it is lifted off the avatar here and there. Where patches are few each takes as long as its
-    vertices that are near.
+    Where patches are few each takes as long as its vertices that are near. Where cloth meets cloth patches mostly are.
     """
-    return options.avatar_contact is field_contact and not options.cloth_contact and not options.few
+    return options.avatar_contact is field_contact and (options.packets or not (options.cloth_contact or options.few))
 
 
 @wp.func
@@ -132,8 +131,8 @@ def compliant_descent(stiff: Any, force: Any, own: Any, stiffness: Any):
     ``stiff`` is L^-1. What presses, and what was stiff before, is so in all directions: a vertex pressed hard has
     no compliance.
     """
-    share = wp.min(own, stiffness)
-    return symmetric_times(bounded_inverse(stiff * share + multiple_of_unit(stiffness - share)), force)
+    share = minimum(own, stiffness)
+    return symmetric_times(bounded_inverse(each_times(stiff, share) + multiple_of_unit(stiffness - share)), force)
 
 
 def swings_evenly(options: KernelOptions) -> bool:

@@ -6,7 +6,7 @@ import concurrent.futures
 import ctypes
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import warp as wp
@@ -47,8 +47,11 @@ class ParallelDomains:
         accumulate: Accumulate,
         move: wp.Kernel,
         anisotropic_step: AnisotropicStep | None,
+        add_contact: Callable[[int], None] | None = None,
     ) -> None:
+        """``add_contact`` launches contact of cloth with cloth before an iteration of a burst, of all vertices."""
         self._model, self._move, self._anisotropic_step = model, move, anisotropic_step
+        self._add_contact = add_contact
         updates = anisotropic_step is not None and anisotropic_step.scatters
         self._kernels = domain_kernels(model.precision)
         self._domains = [_Working(domain, accumulate, updates=updates) for domain in cut_model(model, count)]
@@ -71,19 +74,24 @@ class ParallelDomains:
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a burst launches besides those of one thread."""
-        return [self._kernels.gather_domain, meet_threads, self._kernels.scatter_domain]
+        shown = [] if self._add_contact is None else [self._kernels.show_domain]
+        return [self._kernels.gather_domain, meet_threads, self._kernels.scatter_domain, *shown]
 
-    def capture(self, step: Any, collider_data: Any, updates: Sequence[bool]) -> list[Any]:
-        """A graph of iterations for every domain; ``updates``: before which of them compliances are updated."""
+    def capture(self, arguments: Sequence[Any], updates: Sequence[bool]) -> list[Any]:
+        """A graph of iterations for every domain; ``updates``: before which of them compliances are updated.
+
+        ``arguments`` are those of the kernel that moves vertices, besides the cloth.
+        """
         graphs = []
         for number in range(self.count):
             with wp.ScopedCapture(device=self._model.device) as capture:
-                self._iterate(number, step, collider_data, updates)
+                self._iterate(number, arguments, updates)
             graphs.append(capture.graph)
         return graphs
 
-    def _iterate(self, number: int, step: Any, collider_data: Any, updates: Sequence[bool]) -> None:
-        """Launches iterations of a domain."""
+    def _iterate(self, number: int, arguments: Sequence[Any], updates: Sequence[bool]) -> None:
+        """Launches iterations of a domain; the first one's thread also has contact of cloth with cloth."""
+        step = arguments[0]
         working, model, device = self._domains[number], self._model, self._model.device
         domain, size = working.domain, len(working.domain.order)
         gathered, scattered = [model.state, domain.order, domain.state], [domain.state, domain.order, model.state]
@@ -93,14 +101,18 @@ class ParallelDomains:
             self._meet(number)
         wp.launch(self._kernels.gather_domain, dim=size, inputs=gathered, device=device)
         self._meet(number)
-        for updates_now in updates:
+        for iteration, updates_now in enumerate(updates):
+            if self._add_contact is not None and number == 0:
+                self._add_contact(iteration)
             if updates_now and working.update is not None:
                 whole = domain.model.vertices, domain.model.state, step
                 working.update.launch(*whole, (domain.vertices, domain.state))
             working.forces.launch(step)
             self._meet(number)
-            inputs = [domain.vertices, domain.state, step, collider_data, working.load]
+            inputs = [domain.vertices, domain.state, *arguments, domain.order, working.load]
             wp.launch(self._move, dim=pass_size(size, True), inputs=inputs, device=device)
+            if self._add_contact is not None:
+                wp.launch(self._kernels.show_domain, dim=size, inputs=scattered, device=device)
             self._meet(number)
         wp.launch(self._kernels.scatter_domain, dim=size, inputs=scattered, device=device)
         self._meet(number)

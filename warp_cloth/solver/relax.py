@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from warp_cloth.contact.cloth import ClothContact
 
 LIMIT_ON_CLOTH = 30.0  # where cloth meets cloth there is no more of it, nor the even damping of other loose cloth
+LOOSE_ON_CLOTH = 0.05  # where cloth meets cloth forces have not balanced before
 TIGHTER = 4.0  # times ``loose``: what is loose stays so till then, and does not change to and fro
 
 
@@ -57,6 +58,7 @@ class Relaxation:
         if cloth_contact is not None:  # else folds that lie on cloth swing for ever
             self.step.buckling = 1.0
             self._anisotropy_limit = min(options.anisotropy_limit, LIMIT_ON_CLOTH)
+            self._loose = min(options.loose, LOOSE_ON_CLOTH)
         kernel_options = self._chosen_kernels(accelerated=options.method == "accelerated")
         self._kernel_options = kernel_options
         has_compliance = kernel_options.anisotropic and options.anisotropy_limit > 0.0
@@ -72,7 +74,7 @@ class Relaxation:
         self._anisotropic_step = self._new_anisotropic_step() if has_compliance else None
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
-        self._packets = False  # whether a packet of vertices is moved at a time
+        self._packets = kernel_options.packets
         self._fuses_contact = fuses_contact(kernel_options) and model.patches is not None
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             self._move = advance_kernel(kernel_options)
@@ -80,10 +82,9 @@ class Relaxation:
             some = self.active_set.vertices
             self._packed = PackedCloth(model, model.patches, kernel_options.accelerated, some, packed=packed)
         else:
+            self._same_order = wp.empty(0, dtype=wp.int32, device=model.device)
             self._load = wp.zeros(model.vertex_count, dtype=cloth_types(model.precision).vec4, device=model.device)
             self._scatter = ForcePass(model, kernel_options.accumulate, self._load)
-            alone = kernel_options.accelerated and cloth_contact is None
-            self._packets = alone and takes_packets(model, model.vertex_count)
             self._move = (packet_displace_kernel if self._packets else displace_kernel)(kernel_options)
         self._items = model.vertices.items.numpy().copy()
         self._items["active"] = 1
@@ -111,6 +112,7 @@ class Relaxation:
             fits=patches is not None and patches.fits,
             few=patches is not None and patches.few,
             paired=patches is not None and patches.paired,
+            packets=accelerated and patches is None and takes_packets(model, model.vertex_count),
         )
         return replace(options, accumulate=accumulated(options))
 
@@ -128,7 +130,13 @@ class Relaxation:
         """What lets so many threads iterate; None: what is to be iterated cannot be shared out."""
         if count <= 1 or not self._packets or self.model.item_count > 1:
             return None
-        return ParallelDomains(self.model, count, self._kernel_options.accumulate, self._move, self._anisotropic_step)
+
+        def add_contact(iteration: int) -> None:
+            self._add_contact_forces(iteration, self.model.state)
+
+        contact = None if self.cloth_contact is None else add_contact
+        summed = self._kernel_options.accumulate
+        return ParallelDomains(self.model, count, summed, self._move, self._anisotropic_step, contact)
 
     @property
     def thread_count(self) -> int:
@@ -280,8 +288,8 @@ class Relaxation:
                 self._update_compliance(here)
                 self._scatter.launch(self.step)
                 self._add_contact_forces(iteration, here)
-                arguments = own[:2] if self._packets else own
-                inputs = [model.vertices, here, *arguments, self._load]
+                order = [self._same_order] if self._packets else []
+                inputs = [model.vertices, here, *own, *order, self._load]
                 size = pass_size(model.vertex_count, self._packets)
                 wp.launch(self._move, dim=size, inputs=inputs, device=model.device)
         if self._packed is not None and self.stays_packed:
@@ -336,7 +344,7 @@ class Relaxation:
         if which not in self._shares_graphs:
             loose = bool(self._items["anisotropy_limit"].any())
             updates = [loose and (self._done + number) % self._renewal == 0 for number in range(iterations)]
-            self._shares_graphs[which] = together.capture(self.step, self.collider_data, updates)
+            self._shares_graphs[which] = together.capture(self._arguments, updates)
         return self._shares_graphs[which]
 
     def _whole(self, shown: bool) -> bool:

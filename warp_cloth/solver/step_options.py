@@ -35,16 +35,16 @@ class StepOptions:
         resist, once forces have balanced; 0: no more than once. With 200 no faster. In cloth that still falls
         buckling would outrun what takes the crumples out.
     loose: forces have balanced where the relative residual's rms is below this; they have not where it is above
-        TIGHTER times that.
+        TIGHTER times that. What then still falls rests the sooner: with 0.05, T-shirts in eight fabrics took 1.2 times
+        the iterations.
     renewal: iterations after which those directions are updated. An update costs as much as two iterations.
-    threads: of the CPU that share the iterations of a single item whose cloth passes through itself, where it can be
-        shared out; the bits are the same.
+    threads: of the CPU that share the iterations of a single item, where it can be shared out; the bits are the same.
     """
 
     method: Method = "accelerated"
     cap: float | None = None
     momentum: float = 0.9995
-    momentum_loose: float = 0.998
+    momentum_loose: float = 0.997
     damping: float = 0.985
     viscosity: float = 0.02
     buckling: float = 0.1
@@ -52,7 +52,7 @@ class StepOptions:
     memory: float = 0.99
     memory_falling: float = 0.9
     anisotropy_limit: float = 100.0
-    loose: float = 0.05
+    loose: float = 0.2
     renewal: int = 20
     threads: int = 1
 
