@@ -19,6 +19,7 @@ from warp_cloth.garment.outfit import Outfit, load_outfit
 from warp_cloth.model.attempt import (
     FEW_CROSSINGS,
     MOST_ITERATIONS,
+    SLIDES,
     Attempt,
     CutShort,
     Ended,
@@ -199,6 +200,20 @@ def test_what_rests_torn_slides_into_place_and_then_rubs_again() -> None:
     assert last is not None
     assert (last.begins_after, last.slides) == (3, 0)
     assert last.scene == sewn.attempt.scene
+
+
+def test_what_slid_off_a_shoulder_slides_anew_at_once() -> None:
+    sewn, failed, slides = sliding()
+    rubs = following(sewn, failed, Ended(slides, LIMIT, 0, VERTICES))
+    assert rubs is not None
+    history = [sewn, failed, Ended(slides, LIMIT, 0, VERTICES), Ended(rubs, REST, 0, VERTICES, slipped=True)]
+    anew = following(*history)
+    assert anew is not None
+    assert (anew.begins_after, anew.scene.solver.iterations) == (0, SLIDES[-1])
+    last = following(*history, Ended(anew, LIMIT, 0, VERTICES))
+    assert last is not None
+    assert (last.begins_after, last.scene) == (4, sewn.attempt.scene)
+    assert following(*history, Ended(anew, LIMIT, 0, VERTICES), Ended(last, REST, 0, VERTICES)) is None
 
 
 def test_what_slid_is_never_the_result() -> None:

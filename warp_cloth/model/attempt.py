@@ -28,9 +28,9 @@ FEW_CROSSINGS = 0.08
 MOST_PADDINGS = 3  # of the avatar under faces that it shows through
 OFFSET_KEY = "collision.offset_mm"
 
-# Iterations in which torn cloth slides over the avatar without friction, each if the one before was not enough; straps
-# slide off shoulders, too.
-SLIDES = (250, 250, 500, 1_000)
+# Iterations in which torn cloth slides over the avatar without friction: in steps until it is whole, as straps slide
+# off shoulders, too; where that ends badly, once for long.
+SLIDES = (250, 250, 500, 1_000, 2_000)
 
 TORN = 0.5  # strain of an edge: twice what any worn knit reaches, so it is a seam that did not close
 
@@ -208,9 +208,10 @@ def _last_resort(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     if best.good or stated.solver.iterations is not None or stated.solver.method != "auto":
         return None
     torn = [each for each in history if each.torn and each.ended_placed]
-    if torn and stated.avatar is not None and not any(each.attempt.slides for each in history):
+    slid = max(each.attempt.slides for each in history)
+    if torn and stated.avatar is not None and slid < len(SLIDES):
         most = max(torn, key=lambda each: each.rank)
-        return _sliding(most.attempt, history.index(most), 1)
+        return _sliding(most.attempt, history.index(most), len(SLIDES) if slid else 1)
     may_lift = any(wearing is not None and not wearing.hangs_from_waist for wearing in outfit.wearing)
     is_torn = best.torn > 0 or best.misplaced
     posed = [each.attempt for each in history if each.attempt.posed]
@@ -247,9 +248,9 @@ def _slid(history: Sequence[Ended]) -> Attempt:
     """What follows one that slid: the same farther while cloth is torn, then the scene's own friction."""
     ended, number = history[-1], len(history) - 1
     slides = ended.attempt.slides
-    if ended.torn and slides < len(SLIDES):
+    if ended.torn and slides < len(SLIDES) - 1:
         return _sliding(ended.attempt, number, slides + 1)
-    first = history[number - slides + 1].attempt
+    first = history[number if slides == len(SLIDES) else number - slides + 1].attempt
     own = history[first.begins_after or 0].attempt.scene
     return replace(ended.attempt, scene=own, begins_after=number, patience=Patience.LONG, slides=0)
 
