@@ -112,6 +112,7 @@ class Problem:
                 limit_of(attempt.scene),
                 attempt.patience,
                 ends_crossing=attempt.ends_crossing,
+                turn_after=attempt.turn_after,
             )
             for attempt in self.attempts
         ]
