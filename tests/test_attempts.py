@@ -132,6 +132,25 @@ def test_what_stalls_is_relaxed_by_the_multilevel_method() -> None:
     assert after((falling, LIMIT, 0), (levels, REST, 0)) is None
 
 
+def test_where_cloth_meets_cloth_both_kinds_of_steps_go_on_by_turns() -> None:
+    history, wanted = [], ["multilevel", "accelerated", "multilevel", "accelerated"]
+    attempt: Attempt | None = first("tshirt", *SMALL_SHIRT)
+    for number, method in enumerate(wanted):
+        assert attempt is not None
+        assert attempt.turn_after
+        history.append(Ended(attempt, LIMIT, 0, VERTICES, torn=5, cut_short=CutShort.SLOW))  # seams may still close
+        attempt = following(*history)
+        assert decisions(attempt) == (method, True, number)
+    assert attempt is not None
+    assert (attempt.turn_after, attempt.patience) == (None, Patience.LONG)
+    assert decisions(following(*history, Ended(attempt, LIMIT, 0, VERTICES))) == ("multilevel", False, None)
+
+
+@pytest.mark.parametrize("stated", ["solver.iterations=9000", "solver.method=accelerated"])
+def test_turns_are_the_programs_own(stated: str) -> None:
+    assert first("tshirt", *SMALL_SHIRT, stated).turn_after is None
+
+
 def test_a_stated_method_is_kept() -> None:
     assert after((first("hanging", "solver.method=accelerated"), LIMIT, 0)) is None
 

@@ -15,6 +15,7 @@ import warp as wp
 from warp_cloth.kernels.base.block import block_of, block_threads, lane_of
 from warp_cloth.kernels.base.reduction import Chunks, garment_ratio, sum_chunk
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.implicit.contact_pairs import pressing_argument, pressing_functions
 from warp_cloth.kernels.implicit.sparse import add_row, sparse_types
 from warp_cloth.kernels.implicit.system import FIXED, filtered, system_types
 from warp_cloth.kernels.math.symmetric import symmetric_times
@@ -38,24 +39,31 @@ def coupled(system: Any, x: Any, vertex: int):
 
 
 @functools.cache
-def subtract_initial_guess_kernel(precision: str) -> wp.Kernel:
+def subtract_initial_guess_kernel(precision: str, cloth_contact: bool) -> wp.Kernel:
     real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
-    types = system_types(precision)
+    types, PressingState = system_types(precision), pressing_argument(precision, cloth_contact)
     LinearSystem, SolutionState = types.LinearSystem, types.SolutionState
+    take_product = pressing_functions(precision).take_product
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def subtract_initial_guess(
         system: LinearSystem,
         stiffness_fraction: real,  # of the pairs' part of A; what is left out swings on, whatever the solution
+        pressing: PressingState,  # of contact_pairs, which have been multiplied
         solution: SolutionState,
     ):
         """r <- r - A x of the displacement that the solution starts from, and p <- 0."""
         vertex = wp.tid()
         constraint = system.constraint[vertex]
         solution.direction[vertex] = vec3()
+        pressed = vec3()
+        if wp.static(cloth_contact):
+            pressed = take_product(pressing, vertex)
         if constraint != FIXED:
             x = solution.displacement[vertex]
             product = coupled(system, solution.displacement, vertex) * stiffness_fraction + x * system.drag[vertex]
+            if wp.static(cloth_contact):
+                product += pressed
             solution.residual[vertex] = solution.residual[vertex] - filtered(product, system.normal[vertex], constraint)
 
     return subtract_initial_guess
@@ -118,14 +126,19 @@ def update_direction_kernel(precision: str) -> wp.Kernel:
 
 
 @functools.cache
-def multiply_direction_kernel(precision: str) -> wp.Kernel:
+def multiply_direction_kernel(precision: str, cloth_contact: bool) -> wp.Kernel:
     vec3, types = cloth_types(precision).vec3, system_types(precision)
     LinearSystem, SolutionState = types.LinearSystem, types.SolutionState
+    PressingState, take_product = (
+        pressing_argument(precision, cloth_contact),
+        pressing_functions(precision).take_product,
+    )
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def multiply_direction(
         system: LinearSystem,
         chunks: Chunks,
+        pressing: PressingState,  # of contact_pairs, which have been multiplied
         solution: SolutionState,
         curvature_out: wp.array(dtype=wp.float64),  # p . A p of each chunk [J]
     ):
@@ -135,10 +148,14 @@ def multiply_direction_kernel(precision: str) -> wp.Kernel:
         for vertex in range(chunks.first[chunk] + lane, chunks.first[chunk + 1], block_threads()):
             constraint = system.constraint[vertex]
             direction = solution.direction[vertex]
-            sum = vec3()
+            sum, pressed = vec3(), vec3()
+            if wp.static(cloth_contact):
+                pressed = take_product(pressing, vertex)
             if constraint != FIXED:
                 diagonal = system.inertia[vertex] + system.drag[vertex]
                 sum = coupled(system, solution.direction, vertex) + direction * diagonal
+                if wp.static(cloth_contact):
+                    sum += pressed
             product = filtered(sum, system.normal[vertex], constraint)
             solution.product[vertex] = product
             chunks.scratch[vertex] = wp.float64(wp.dot(direction, product))
@@ -170,11 +187,11 @@ def advance_solution_kernel(precision: str) -> wp.Kernel:
 
 
 @functools.cache
-def conjugate_gradient_kernels(precision: str) -> SimpleNamespace:
+def conjugate_gradient_kernels(precision: str, cloth_contact: bool) -> SimpleNamespace:
     """Kernels in the order of an iteration, after ``precondition_residual``; the first comes before all iterations."""
     return SimpleNamespace(
-        subtract_initial_guess=subtract_initial_guess_kernel(precision),
+        subtract_initial_guess=subtract_initial_guess_kernel(precision, cloth_contact),
         update_direction=update_direction_kernel(precision),
-        multiply_direction=multiply_direction_kernel(precision),
+        multiply_direction=multiply_direction_kernel(precision, cloth_contact),
         advance_solution=advance_solution_kernel(precision),
     )

@@ -7,8 +7,18 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, free_function, rests
+from warp_cloth.kernels.contact.arrays import LENGTH_UNIT, NO_LIMIT, ContactData, load_vertex_contact
+from warp_cloth.kernels.contact.search_trigger import load_bounds, note_displacement
 from warp_cloth.kernels.implicit.adaptive_inertia import adapt_inertia, grow_free_fall_kernel
 from warp_cloth.kernels.implicit.avatar_constraint import close, presses, stick_or_slip
+from warp_cloth.kernels.implicit.contact_pairs import (
+    FRACTION_UNIT,
+    LEAST_FRACTION,
+    WHOLE,
+    pressing_argument,
+    pressing_functions,
+    pressing_type,
+)
 from warp_cloth.kernels.implicit.momentum import adapt_momentum_kernel, measure_momentum_work_kernel
 from warp_cloth.kernels.implicit.system import FIXED, FREE, SLIDING, filtered, system_types
 from warp_cloth.kernels.laws.friction import friction_slide
@@ -55,12 +65,14 @@ def anchor_of(diagonal: Any, constraint: int, normal: Any, block: Any):
 
 @functools.cache
 def prepare_step_kernel(
-    precision: str, avatar_contact: wp.Function | None, collider_type: type, pins: bool
+    precision: str, avatar_contact: wp.Function | None, collider_type: type, cloth_contact: bool, pins: bool
 ) -> wp.Kernel:
     """Kernel ``prepare_step``, with the contact of ``kernels.passes.move.displacement``."""
     types, own = cloth_types(precision), system_types(precision)
-    real, vec3, vec4, Model, State, Step = types.real, types.vec3, types.vec4, types.Model, types.State, types.Step
+    real, vec3, vec4, vec6 = types.real, types.vec3, types.vec4, types.vec6
+    Model, State, Step = types.Model, types.State, types.Step
     LinearSystem, SolutionState, ImplicitState = own.LinearSystem, own.SolutionState, own.ImplicitState
+    PressingState, take_block = pressing_argument(precision, cloth_contact), pressing_functions(precision).take_block
     free = free_function(precision, pins)
     own_block = own_block_function(precision)
 
@@ -71,6 +83,7 @@ def prepare_step_kernel(
         step: Step,
         colliders: colliders_type(avatar_contact, collider_type),
         implicit: ImplicitState,
+        pressing: PressingState,
         solution: SolutionState,
         load_out: wp.array(dtype=vec4),  # an input: forces of the cloth [N], shape [V]; left at zero
         system_out: LinearSystem,  # whose couplings are an input
@@ -82,6 +95,12 @@ def prepare_step_kernel(
         weight = model.weight[vertex]
         last = state.displacement[vertex]
         block = own_block(system_out, vertex)
+        pressed = vec6()
+        if wp.static(cloth_contact):
+            if vertex == 0:
+                pressing.fraction[0] = WHOLE
+            pressed = take_block(pressing, vertex)
+            block += pressed
         constraint = int(FREE)
         force = vec3(load[0], load[1], load[2]) + step.gravity * weight
         normal = vec3()
@@ -101,6 +120,9 @@ def prepare_step_kernel(
         inertia = adapt_inertia(implicit, system_out.inertia[vertex], last, force, block)
         inertia = wp.max(inertia, weight / implicit.free_fall[system_out.garment[vertex]])
         anchor = anchor_of(inertia + drag, constraint, normal, block)
+        own_inverse = inverse(block + anchor)
+        if wp.static(cloth_contact):  # coarse levels know of pairs what resists where they lie
+            anchor += pressed
         start = filtered(last, normal, constraint) * step.momentum
         if implicit.step_fraction > real(0.0):
             extrapolation = filtered(implicit.extrapolation[vertex], normal, constraint)
@@ -112,7 +134,7 @@ def prepare_step_kernel(
         system_out.normal[vertex] = normal
         system_out.inertia[vertex] = inertia
         system_out.anchor[vertex] = anchor
-        system_out.inverse[vertex] = inverse(block + anchor)
+        system_out.inverse[vertex] = own_inverse
         system_out.force[vertex] = force
         solution.residual[vertex] = force
         solution.displacement[vertex] = start
@@ -121,7 +143,9 @@ def prepare_step_kernel(
 
 
 @functools.cache
-def take_step_kernel(precision: str, avatar_contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
+def take_step_kernel(
+    precision: str, avatar_contact: wp.Function | None, collider_type: type, cloth_contact: bool, pins: bool
+) -> wp.Kernel:
     """Kernel ``take_step``, with the contact of ``kernels.passes.move.displacement``."""
     types, own = cloth_types(precision), system_types(precision)
     real, point, vec3, Model, State = types.real, types.point, types.vec3, types.Model, types.State
@@ -140,7 +164,8 @@ def take_step_kernel(precision: str, avatar_contact: wp.Function | None, collide
         """Moves each free vertex by its displacement, capped; a constrained one stays on the avatar's surface.
 
         Under Nesterov momentum it goes a fraction of it, and on to where the momentum then leads. Where the avatar
-        stops a vertex that did not touch it, friction shortens the displacement's tangential part.
+        stops a vertex that did not touch it, friction shortens the displacement's tangential part. Where cloth meets
+        cloth only the displacement is stored: ``move_together`` goes it.
         """
         vertex = wp.tid()
         if free(model, vertex):
@@ -170,20 +195,67 @@ def take_step_kernel(precision: str, avatar_contact: wp.Function | None, collide
                         displacement = friction_slide(displacement, out, real(depth), real(item.avatar_friction))
             implicit.extrapolation[vertex] = displacement - solved
             state.displacement[vertex] = displacement
-            state.position[vertex] = state.position[vertex] + point(displacement)
+            if wp.static(not cloth_contact):
+                state.position[vertex] = state.position[vertex] + point(displacement)
 
     return take_step
 
 
 @functools.cache
+def move_together_kernel(precision: str, pins: bool) -> wp.Kernel:
+    """Kernel ``move_together``, after ``limit_by_pairs``."""
+    types = cloth_types(precision)
+    real, point, Model, State = types.real, types.point, types.Model, types.State
+    ImplicitState, PressingState = system_types(precision).ImplicitState, pressing_type(precision)
+    free = free_function(precision, pins)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def move_together(
+        model: Model,
+        contact: ContactData,
+        order: wp.array(dtype=wp.int32),  # as in contact_pairs.linearise_pairs
+        pressing: PressingState,
+        implicit: ImplicitState,
+        state: State,
+    ):
+        """Moves every vertex by the same fraction of its displacement: one that stopped alone would tear the cloth.
+
+        Where some pair would let all go by less than LEAST_FRACTION each goes as far as its own step limit lets it.
+        """
+        place = wp.tid()
+        vertex = int(place)
+        if order.shape[0] > 0:
+            vertex = order[place]
+        iteration, path = load_bounds(contact, place)
+        known = load_vertex_contact(contact, place, wp.vec3d(state.position[vertex]))
+        limit = contact.sums.step_limit[place]
+        contact.sums.step_limit[place] = NO_LIMIT
+        length = real(0.0)
+        if free(model, vertex):
+            fraction = real(float(wp.max(pressing.fraction[0], LEAST_FRACTION)) * float(FRACTION_UNIT))
+            if pressing.fraction[0] < LEAST_FRACTION:
+                longest = real(wp.min(known.step_limit, float(limit) * float(LENGTH_UNIT)))
+                fraction = wp.min(fraction, longest / wp.max(wp.length(state.displacement[vertex]), real(1.0e-12)))
+            displacement = state.displacement[vertex] * fraction
+            length = wp.length(displacement)
+            implicit.extrapolation[vertex] = implicit.extrapolation[vertex] * fraction
+            state.displacement[vertex] = displacement
+            state.position[vertex] = state.position[vertex] + point(displacement)
+        note_displacement(contact, place, known, float(length), iteration, path)
+
+    return move_together
+
+
+@functools.cache
 def implicit_kernels(
-    precision: str, avatar_contact: wp.Function | None, collider_type: type, pins: bool
+    precision: str, avatar_contact: wp.Function | None, collider_type: type, cloth_contact: bool, pins: bool
 ) -> SimpleNamespace:
     """The kernels of a step's two ends; those of the momentum come between them."""
     return SimpleNamespace(
-        prepare_step=prepare_step_kernel(precision, avatar_contact, collider_type, pins),
+        prepare_step=prepare_step_kernel(precision, avatar_contact, collider_type, cloth_contact, pins),
         measure_momentum_work=measure_momentum_work_kernel(precision),
         adapt_momentum=adapt_momentum_kernel(precision),
-        take_step=take_step_kernel(precision, avatar_contact, collider_type, pins),
+        take_step=take_step_kernel(precision, avatar_contact, collider_type, cloth_contact, pins),
         grow_free_fall=grow_free_fall_kernel(precision),
+        **({"move_together": move_together_kernel(precision, pins)} if cloth_contact else {}),
     )

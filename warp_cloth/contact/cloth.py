@@ -42,6 +42,7 @@ LEAST_SKIN = 0.3
 # of it and the thickness; smaller once forces have balanced, when moves are short.
 ACTIVE_MARGIN = 0.06
 ACTIVE_MARGIN_SETTLED = 0.005
+ACTIVE_MARGIN_FAR = 1.0  # of implicit steps
 PAIRS_PER_VERTEX = 3  # initial capacity; a T-shirt on a body needs less once it is sewn
 # Iterations between two checks whether a search is due. While cloth is untangled there is a search at every check:
 # crossings change with every step, but not by much in four; with ten some tangles never come undone.
@@ -88,6 +89,7 @@ class ClothContact:
         self.awake = False
         self.few_pairs = True  # whether a block on each core checks all pairs at once, by the last count
         self.settled = False  # whether forces have balanced
+        self.steps_far = False  # whether iterations are implicit steps, which are long and few
         self.untangles = True  # whether searches also find and undo crossings
         self.layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
         # read-back: the count of open seams or of pairs, then those of crossings
@@ -118,6 +120,8 @@ class ClothContact:
         """Iterations between two checks whether a search is due."""
         if self.untangles:
             return CHECK_INTERVAL_UNTANGLING
+        if self.steps_far:
+            return 1
         return CHECK_INTERVAL_SETTLED if self.settled else CHECK_INTERVAL
 
     def kernels(self) -> list[wp.Kernel]:
@@ -131,14 +135,17 @@ class ClothContact:
         self.awake = True
         self.settled = False
         self.data.trigger.skin.fill_(self.least_skin)
-        self._set_active_margin(ACTIVE_MARGIN)
+        self._set_active_margin()
         self.pair_search.order_leaves(state, self.data)
         self.search(state)
         if self.grow():
             self.search(state)
 
-    def _set_active_margin(self, fraction: float) -> None:
+    def _set_active_margin(self) -> None:
         model = self.data.model
+        fraction = ACTIVE_MARGIN_SETTLED if self.settled else ACTIVE_MARGIN
+        if self.steps_far:
+            fraction = ACTIVE_MARGIN_FAR
         model.active_margin = fraction * self._skin
         model.active_distance = model.active_margin + float(self._thickness.min())
         self._set_trigger()
@@ -147,6 +154,8 @@ class ClothContact:
         model = self.data.model
         model.check_interval = CHECK_INTERVAL_SETTLED if self.settled else CHECK_INTERVAL
         model.longest_wait = LONGEST_WAIT_SETTLED if self.settled else LONGEST_WAIT
+        if self.steps_far:
+            model.check_interval = model.longest_wait = 1
         model.request_limit = int(REQUEST_LIMIT * model.check_interval * self.sheets.vertex_count)
 
     def settle(self, *, balanced: bool) -> bool:
@@ -154,9 +163,19 @@ class ClothContact:
         if not self.awake or self.settled == balanced:
             return False
         self.settled = balanced
-        self._set_active_margin(ACTIVE_MARGIN_SETTLED if balanced else ACTIVE_MARGIN)
-        self.data.trigger.due.fill_(1)  # skipped pairs may be nearer than the new margin allows
+        if self.steps_far:
+            return False
+        self._renew_active_margin()
         return True
+
+    def step_far(self, far: bool) -> None:
+        """Tells whether implicit steps follow: with every listed pair active, and searches as soon as one is due."""
+        self.steps_far = far
+        self._renew_active_margin()
+
+    def _renew_active_margin(self) -> None:
+        self._set_active_margin()
+        self.data.trigger.due.fill_(1)  # skipped pairs may be nearer than the new margin allows
 
     def face(self, outward: Sequence[float]) -> None:
         """Sets for each garment whether its triangles face away from the body, 1, or towards it, -1."""
@@ -267,6 +286,10 @@ class ClothContact:
         """Sums the pairs' forces at their vertices, for the next move."""
         self._launch_forces(self._forces, step, state)
 
+    def add_load(self, load: wp.array) -> None:
+        """Adds the sums at the vertices to their load, and resets them."""
+        self._launch(self._add_load, self.sheets.vertex_count, [self.data, self.order, load])
+
     def divide_blocks(self, moving: int) -> int:
         """How many blocks compute contact forces in a launch whose other ``moving`` blocks wait for them."""
         self.data.blocks.move_count = moving
@@ -289,7 +312,7 @@ class ClothContact:
         """Adds contact to a certificate's load: forces as they are now, and their magnitudes."""
         if self.awake:
             self._launch_forces(self._measured_forces, step, state)
-            self._launch(self._add_load, self.sheets.vertex_count, [self.data, self.order, load])
+            self.add_load(load)
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any], block: int = LIST_LAUNCH[0]) -> None:
         wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device, block_dim=block)

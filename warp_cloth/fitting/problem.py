@@ -112,6 +112,7 @@ class Problem:
                 limit_of(attempt.scene),
                 attempt.patience,
                 ends_crossing=attempt.ends_crossing,
+                turn_after=attempt.turn_after,
             )
             for attempt in self.attempts
         ]
@@ -278,9 +279,12 @@ def limit_of(scene: Scene) -> int:
 
 
 def start_coarse(problem: Problem, clock: StageClock | None = None) -> tuple[LevelRun, ...]:
-    """Nested iteration, where the method has it: relaxes coarse garments first, and starts from their shapes."""
+    """Nested iteration, where the method has it: relaxes coarse garments first, and starts from their shapes.
+
+    Not where cloth meets cloth: coarse garments would go through themselves.
+    """
     relaxation = problem.relaxation
-    if not isinstance(relaxation, MultilevelRelaxation) or problem.outfit.poses:
+    if not isinstance(relaxation, MultilevelRelaxation) or relaxation.cloth_contact or problem.outfit.poses:
         return ()
     (scene,) = problem.scenes
     clock = clock or StageClock()

@@ -13,6 +13,7 @@ ITERATIONS = "solver.iterations=20"  # enough to launch what a fit launches
 # Scene and changes of every usual kind of fit; the kernels of a kind serve all garments and bodies.
 KINDS: tuple[tuple[str, tuple[str, ...]], ...] = (
     *(("tshirt", (f"garment.shape.size={size}",)) for size in ("M", *SIZE_MEASURES)),  # sewn panels; most are it
+    ("tshirt", ("solver.method=multilevel", "collision.cloth=true")),  # and where they fall for long
     ("tshirt", ("collision.cloth=false",)),
     ("tshirt", ("garment.rest=mesh", "collision.cloth=false")),  # as a mesh modelled in 3-D begins
     ("tshirt", ("garment.rest=mesh", "collision.cloth=true")),  # and where it goes through itself

@@ -49,14 +49,14 @@ class ContactSchedule:
         return bool(self._relaxation.step.momentum < self._momentum)
 
     @property
-    def _worn(self) -> bool:
+    def worn(self) -> bool:
         """Whether nothing is left to do but to come to rest."""
         return self._cloth_contact.awake and not self._cloth_contact.untangles and not self.calm
 
     @property
     def must_wait(self) -> bool:
         """Whether the next iterations depend on the measurement that is under way."""
-        return not (self._worn and self._roomy)
+        return not (self.worn and self._roomy)
 
     def request(self, iteration: int, *, ahead: bool) -> None:
         """Requests what the next ``advance`` needs, without waiting; ``ahead``: other iterations may come before."""
@@ -65,7 +65,7 @@ class ContactSchedule:
         if not cloth_contact.awake:
             cloth_contact.read_open_seams(self._relaxation.contact_state())
             return
-        cloth_contact.read_pairs(save=ahead and self._worn)
+        cloth_contact.read_pairs(save=ahead and self.worn)
         if cloth_contact.untangles or iteration % CHECK_EVERY == 0:
             cloth_contact.read_crossings(self._relaxation.contact_state())
 
@@ -120,7 +120,7 @@ class ContactSchedule:
         if cloth_contact.few_pairs != few:  # other blocks compute their forces
             self._relaxation.drop_graphs()
         self._overflows = self._roomy and fraction > 1.0
-        self._roomy = self._worn and fraction < ROOMY
+        self._roomy = self.worn and fraction < ROOMY
         if self._overflows:
             return False
         if fraction > 1.0:

@@ -26,6 +26,7 @@ from warp_cloth.solver.certificate.certifier import (
 )
 from warp_cloth.solver.certificate.summary import PendingFigures
 from warp_cloth.solver.contact_schedule import ContactSchedule
+from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.stall import StallWatch
 
@@ -46,6 +47,10 @@ CROSSING_CHECKS = (2000, 8000)
 TANGLED = {Patience.NONE: math.inf, Patience.SHORT: 4000, Patience.LONG: 10_000}
 
 
+# Cloth that has moved by more than this since the last check, and is farther from rest than this, still falls [m].
+FALLS, FAR = 1e-3, 20e-3
+
+
 @dataclass(frozen=True)
 class Goal:
     """Tolerance that an item is to reach, its iteration limit, and when it ends before that."""
@@ -54,6 +59,8 @@ class Goal:
     limit: int  # iterations
     patience: Patience = Patience.NONE  # with an item that comes no nearer to rest
     ends_crossing: bool = False  # where its cloth passes through cloth, after CROSSING_CHECKS
+    # every so many iterations, where nothing crosses and cloth still falls; implicit steps: wherever it is; None: never
+    turn_after: int | None = None
 
 
 @dataclass
@@ -337,10 +344,21 @@ class _Loop:
             waited = self._schedule.tangled_for
             given_up = [item for item in self._active if waited >= TANGLED[self._goals[item].patience]]
             found |= dict.fromkeys(given_up, CutShort.CROSSING)
+            found |= dict.fromkeys(self._turning(measured), CutShort.SLOW)
         if self._crosses is not None and self._looks_for_crossings(measured.iteration):
             watched = [item for item in self._active if self._goals[item].ends_crossing and measured.finite[item]]
             found |= dict.fromkeys(self._crosses(watched), CutShort.CROSSING)
         return found
+
+    def _turning(self, measured: Measurement) -> list[int]:
+        """Active items that are to go on by the other kind of steps."""
+        if self._schedule is None or not self._schedule.worn or measured.iteration == 0:
+            return []
+        falls = (measured.moved > FALLS) & (measured.rest_error > FAR)
+        if isinstance(self._relaxation, MultilevelRelaxation):
+            falls[:] = True
+        after = {item: self._goals[item].turn_after for item in self._active if falls[item]}
+        return [item for item, each in after.items() if each is not None and measured.iteration % each == 0]
 
     def _advance(self, measured: Measurement) -> bool:
         """Advances the contact schedule; returns whether the present shape may be the rest shape."""

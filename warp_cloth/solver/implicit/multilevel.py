@@ -22,7 +22,7 @@ from warp_cloth.solver.implicit.options import ImplicitOptions, Pace
 from warp_cloth.solver.implicit.step import ImplicitStep
 from warp_cloth.solver.implicit.vertex_pairs import build_pairs
 from warp_cloth.solver.relax import TIGHTER, Relaxation
-from warp_cloth.solver.step_options import DEFAULT_CAP, StepOptions
+from warp_cloth.solver.step_options import DEFAULT_CAP, StepOptions, build_step
 
 if TYPE_CHECKING:
     from warp_cloth.contact.cloth import ClothContact
@@ -57,17 +57,19 @@ class MultilevelRelaxation(Relaxation):
         options: StepOptions,
         hierarchies: Sequence[Hierarchy],
         implicit: ImplicitOptions | None = None,
+        cloth_contact: ClothContact | None = None,
     ) -> None:
         self.options, self.implicit_options = options, implicit or ImplicitOptions()
         self.hierarchies = tuple(hierarchies)
         self.collider = collider  # that the garments start with
         self._implicit: ImplicitStep | None = None
-        super().__init__(model, collider, replace(per_vertex_options(options), threads=1))
+        super().__init__(model, collider, replace(per_vertex_options(options), threads=1), cloth_contact)
         table = build_pairs(model)
         levels = build_levels(model, hierarchies, table.ends)
         self._implicit = ImplicitStep(
-            model, self.avatar_contact, self.collider_type, table, levels, self.implicit_options
+            model, self.avatar_contact, self.collider_type, table, levels, self.implicit_options, cloth_contact
         )
+        self._momentum, self._full_momentum = 0.0, self.step.momentum  # of implicit steps; of others unless held back
         self._per_vertex, self.pace = True, Pace.FALLING
         self._checks, self._strain, self._since_check = 0, math.inf, 0
         self._settles = False
@@ -85,7 +87,16 @@ class MultilevelRelaxation(Relaxation):
             return
         for number in range(self._steps(count)):
             renew = number % self.implicit_options.renewal == 0
-            self._implicit.launch(self.step, self.collider_data, renew)
+            self._implicit.launch(self._implicit_step, self.collider_data, renew, self.contact_state)
+
+    @property
+    def _implicit_step(self) -> Any:
+        """The Step of implicit steps. Where cloth meets cloth the schedule of contact sets the others' momentum."""
+        if self.cloth_contact is None:
+            return self.step
+        step = build_step(self.options, self.model.precision)
+        step.gravity, step.momentum, step.viscosity = self.step.gravity, self._momentum, 0.0
+        return step
 
     def _steps(self, iterations: int) -> int:
         """Number of implicit steps in so many iterations, at least one."""
@@ -102,9 +113,13 @@ class MultilevelRelaxation(Relaxation):
         Implicit steps run as graphs from one renewal of the coarse levels to the next, captured once for each pace.
         The model's own positions are up to date then.
         """
-        if self._per_vertex:
+        implicit, goes_on = self._implicit, not self._per_vertex
+        if self.cloth_contact is not None:
+            self._follow_contact(self.cloth_contact)
+        elif self._per_vertex:
             self._check_seams()
-        elif self._implicit is not None and self._since_renewal >= RIGID_RENEWAL and self._implicit.renew_rigid_level():
+        due = goes_on and not self._per_vertex and self._since_renewal >= RIGID_RENEWAL
+        if due and implicit is not None and implicit.renew_rigid_level():
             self._since_renewal = 0
         self._since_check, self._since_renewal = self._since_check + iterations, self._since_renewal + iterations
         if self._per_vertex or self._implicit is None:
@@ -151,9 +166,26 @@ class MultilevelRelaxation(Relaxation):
             self._set_pace(self._implicit)
 
     def _set_pace(self, implicit: ImplicitStep) -> None:
-        momentum = implicit.set_pace(self.pace)
-        if not self._per_vertex:
-            self.step.momentum = momentum
+        self._momentum = implicit.set_pace(self.pace)
+        if not self._per_vertex and self.cloth_contact is None:
+            self.step.momentum = self._momentum
+
+    def _follow_contact(self, cloth_contact: ClothContact) -> None:
+        """Lets steps be implicit while cloth only presses on cloth: once sewn, untangled, and no longer calm."""
+        implicit = self._implicit
+        if implicit is None or implicit.pressing is None:
+            return
+        implicit.pressing.make_room()
+        far = cloth_contact.awake and not cloth_contact.untangles and self.step.momentum >= self._full_momentum
+        if far is not self._per_vertex:
+            return
+        self.update_model()
+        self._per_vertex = not far
+        cloth_contact.step_far(far)
+        self._set_pace(implicit)
+        self._items["cap"] = self.options.largest_move if far else per_vertex_options(self.options).largest_move
+        self.upload_items()
+        self.drop_graphs()
 
     def _check_seams(self) -> None:
         """Lets steps be implicit from now on if seams have closed, or close no further."""
@@ -192,10 +224,9 @@ def build_relaxation(
         return Relaxation(model, colliders, options, cloth_contact, caps)
     if caps is not None:
         options = replace(options, cap=caps[0])
-    if cloth_contact is not None:
-        return Relaxation(model, colliders, per_vertex_options(options), cloth_contact)
     hierarchies = {key: build_hierarchy(each) for key, each in {id(each): each for each in garments}.items()}
-    return MultilevelRelaxation(model, colliders[0], options, [hierarchies[id(garment)] for garment in garments])
+    own = [hierarchies[id(garment)] for garment in garments]
+    return MultilevelRelaxation(model, colliders[0], options, own, cloth_contact=cloth_contact)
 
 
 def per_vertex_options(options: StepOptions) -> StepOptions:

@@ -6,8 +6,8 @@ cloth. Here the coarse levels of the preconditioner carry it across at once, and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -18,15 +18,20 @@ from warp_cloth.kernels.elements.stiffness import stiffness_types
 from warp_cloth.kernels.implicit.conjugate_gradient import conjugate_gradient_kernels
 from warp_cloth.kernels.implicit.step import implicit_kernels
 from warp_cloth.kernels.implicit.system import system_types
+from warp_cloth.kernels.passes.step import NoClothContact
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.implicit.coarse_levels import Level
+from warp_cloth.solver.implicit.contact_pairs import PressingPairs
 from warp_cloth.solver.implicit.linearisation import Linearisation
 from warp_cloth.solver.implicit.options import ImplicitOptions, Pace
 from warp_cloth.solver.implicit.preconditioner import Preconditioner
 from warp_cloth.solver.implicit.rigid_level import RigidCorrection, rigid_depth
 from warp_cloth.solver.implicit.vertex_pairs import PairTable
 from warp_cloth.solver.reduction import launch_blocks, split_into_chunks
+
+if TYPE_CHECKING:
+    from warp_cloth.contact.cloth import ClothContact
 
 CHUNK = 64  # vertices that a block works on, of a garment that is not large
 
@@ -42,14 +47,18 @@ class ImplicitStep:
         table: PairTable,
         levels: Sequence[Level],
         options: ImplicitOptions,
+        cloth_contact: ClothContact | None = None,
     ) -> None:
         types = cloth_types(model.precision)
-        self._model, self._options = model, options
+        self._model, self._options, self._cloth_contact = model, options, cloth_contact
+        self.pressing = None if cloth_contact is None else PressingPairs(model, cloth_contact)
         self._on_avatar = avatar_contact is not None
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, Accumulate.NONE, self._load)
         self.linearisation = Linearisation(model, table, options.allowance)
-        starts = np.array(model.vertex_start)
+        # garments that meet are solved as one
+        starts = np.array(model.vertex_start if cloth_contact is None else model.item_start)
+        self._starts = starts
         self._garments = len(starts) - 1
         self._chunks = split_into_chunks(starts, CHUNK, model.device)
         self._rho, self._rho_before, self._curvature = (
@@ -60,8 +69,9 @@ class ImplicitStep:
         depth = rigid_depth(levels, model.vertex_count) if self._on_avatar else None
         self._rigid_correction = None if depth is None else RigidCorrection(model, table.ends, levels[:depth])
         self.set_pace(Pace.FALLING)
-        self._solver = conjugate_gradient_kernels(model.precision)
-        self._ends = implicit_kernels(model.precision, avatar_contact, collider_type, model.terms.pins)
+        meets = cloth_contact is not None
+        self._solver = conjugate_gradient_kernels(model.precision, meets)
+        self._ends = implicit_kernels(model.precision, avatar_contact, collider_type, meets, model.terms.pins)
 
     def _build_system(self, table: PairTable) -> tuple[Any, Any, Any]:
         """A LinearSystem, a SolutionState and an ImplicitState (kernels.implicit.system)."""
@@ -69,7 +79,7 @@ class ImplicitStep:
         types, own = cloth_types(model.precision), stiffness_types(model.precision)
         structs = system_types(model.precision)
         system, solution, state = structs.LinearSystem(), structs.SolutionState(), structs.ImplicitState()
-        garment = np.repeat(np.arange(self._garments, dtype=np.int32), np.diff(model.vertex_start))
+        garment = np.repeat(np.arange(self._garments, dtype=np.int32), np.diff(self._starts))
         system.garment = wp.array(garment, dtype=wp.int32, device=device)
         system.row_start, system.neighbour = table.start, table.neighbour
         system.coupling = self.linearisation.coupling
@@ -96,17 +106,29 @@ class ImplicitStep:
             *vars(self._solver).values(),
             *vars(self._ends).values(),
             *(self._rigid_correction.kernels() if self._rigid_correction is not None else ()),
+            *(self.pressing.kernels() if self.pressing is not None else ()),
         ]
 
-    def launch(self, step: Any, collider_data: Any, renew: bool) -> None:
-        """One step. ``step`` is a kernels.base.types Step; ``renew`` sums the coarse levels' stiffness again."""
+    def launch(self, step: Any, collider_data: Any, renew: bool, contact_state: Callable[[], Any]) -> None:
+        """One step.
+
+        Args:
+            step: a kernels.base.types Step.
+            collider_data: of the avatars.
+            renew: whether the coarse levels' stiffness is summed again.
+            contact_state: launches what brings the State as contact of cloth with cloth numbers it up to date.
+        """
         model, system, solution, state = self._model, self._system, self._solution, self.state
         vertices, count, ends, options = model.vertices, model.vertex_count, self._ends, self._options
         self._forces.launch(step)
+        pressing = NoClothContact()
+        if self.pressing is not None:
+            self.pressing.launch(step, contact_state(), self._load)
+            pressing = self.pressing.data
         self.linearisation.launch()
         if renew:
             self.preconditioner.coarsen_stiffness()
-        inputs = [vertices, model.state, step, collider_data, state, solution, self._load, system]
+        inputs = [vertices, model.state, step, collider_data, state, pressing, solution, self._load, system]
         self._launch(ends.prepare_step, count, inputs)
         self.preconditioner.coarsen_anchors(lumped=self._on_avatar)
         self._solve()
@@ -116,6 +138,11 @@ class ImplicitStep:
             inputs = [options.least_momentum, options.most_momentum, self._restart_fraction, self._chunks, *work, state]
             launch_blocks(ends.adapt_momentum, self._garments, inputs, model.device)
         self._launch(ends.take_step, count, [vertices, system, solution, collider_data, state, model.state])
+        if self.pressing is not None and self._cloth_contact is not None:
+            self.pressing.limit()
+            contact = self._cloth_contact
+            inputs = [vertices, contact.data, contact.order, pressing, state, model.state]
+            self._launch(ends.move_together, count, inputs)
         self._launch(ends.grow_free_fall, self._garments, [options.free_fall_growth, self._free_fall_limit, state])
 
     def _solve(self) -> None:
@@ -123,7 +150,7 @@ class ImplicitStep:
         system, solution, chunks, kernels = self._system, self._solution, self._chunks, self._solver
         if not self.state.step_fraction:
             stiffness_fraction = 1.0 - (self._options.swing_on_avatar if self._on_avatar else 0.0)
-            inputs = [system, stiffness_fraction, solution]
+            inputs = [system, stiffness_fraction, self._multiplied(solution.displacement), solution]
             self._launch(kernels.subtract_initial_guess, self._model.vertex_count, inputs)
         before = None  # directions start afresh
         rho, other = self._rho, self._rho_before
@@ -133,9 +160,17 @@ class ImplicitStep:
                 self._rigid.correct(system, solution, chunks, rho)
                 before = None  # another preconditioner makes other directions
             self._launch_chunks(kernels.update_direction, [chunks, rho, before, solution])
-            self._launch_chunks(kernels.multiply_direction, [system, chunks, solution, self._curvature])
+            pressing = self._multiplied(solution.direction)
+            self._launch_chunks(kernels.multiply_direction, [system, chunks, pressing, solution, self._curvature])
             self._launch_chunks(kernels.advance_solution, [chunks, rho, self._curvature, solution])
             before, rho, other = rho, other, rho
+
+    def _multiplied(self, x: wp.array) -> Any:
+        """The pairs that press, multiplied with displacements."""
+        if self.pressing is None:
+            return NoClothContact()
+        self.pressing.multiply(x)
+        return self.pressing.data
 
     def set_pace(self, pace: Pace) -> float:
         """Takes steps of this pace on an avatar; returns the momentum that goes with them."""
