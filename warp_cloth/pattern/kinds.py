@@ -58,6 +58,9 @@ PLACES: dict[str, tuple[str, int]] = {
     "leg_back": ("leg_back", BOTH),
     "left_leg_back": ("leg_back", LEFT),
     "right_leg_back": ("leg_back", RIGHT),
+    "leg": ("leg", BOTH),
+    "left_leg": ("leg", LEFT),
+    "right_leg": ("leg", RIGHT),
     "skirt_front": ("skirt_front", BOTH),
     "skirt_back": ("skirt_back", BOTH),
     "hood": ("hood", BOTH),
@@ -71,7 +74,7 @@ PLACES: dict[str, tuple[str, int]] = {
     "right_cuff": ("cuff", RIGHT),
     "none": ("none", BOTH),
 }
-PAIRED = ("sleeve", "leg_front", "leg_back", "hood", "cuff")  # cut twice where no number is stated
+PAIRED = ("sleeve", "leg", "leg_front", "leg_back", "hood", "cuff")  # cut twice where no number is stated
 
 
 @dataclass(frozen=True)
