@@ -1,4 +1,4 @@
-"""Patterns drafted for tests as DXF files by the layers of AAMA and ASTM: a T-shirt, trousers and a hooded top.
+"""Patterns drafted for tests as DXF files by the layers of AAMA and ASTM: tops, trousers, leggings.
 
 Each knows its true seams. ``python tests/dxf_patterns.py FOLDER`` writes them all.
 """
@@ -160,7 +160,69 @@ def hooded(grade: float = 0.0) -> list[Drafted]:
     ]  # fmt: skip
 
 
-GARMENTS: dict[str, Callable[[float], list[Drafted]]] = {"tshirt": tshirt, "trousers": trousers, "hooded": hooded}
+def leggings(grade: float = 0.0) -> list[Drafted]:
+    """One piece a leg, a left one seen from outside: its back, cut out farther, at +x."""
+    ankle, thigh, hip = 12.0 + 0.4 * grade, 29.0 + grade, 24.0 + grade
+    fork, rise = 74.0, 100.0
+    back, front = (thigh + 5.0, fork), (-thigh - 1.0, fork)
+    behind = [
+        back,
+        *bezier((hip + 2.0, fork + 8.0), (hip + 1.5, fork + 12.0), (hip, rise - 6.0), (hip - 1.0, rise + 3.0)),
+    ]
+    behind = [*bezier(back, (thigh, fork + 0.5), (hip + 2.5, fork + 3.0), (hip + 2.0, fork + 8.0), 12), *behind[2:]]
+    ahead = bezier(front, (-thigh + 2.0, fork + 0.5), (-hip + 0.5, fork + 4.0), (-hip, rise - 1.0))[::-1]
+    inner = bezier((ankle, 0.0), (ankle + 4.0, 30.0), (thigh, 60.0), back)
+    outer = bezier((-ankle, 0.0), (-ankle - 4.0, 30.0), (-thigh + 2.0, 60.0), front)[::-1]
+    waist = line(behind[-1], ahead[0])
+    leg = Drafted("LEG", [line((-ankle, 0.0), (ankle, 0.0)), inner, behind, waist, ahead, outer], "1,1")
+    return [leg, band("WAISTBAND", 1.9 * length(waist), 4.0)]
+
+
+def raglan(grade: float = 0.0) -> list[Drafted]:
+    """A sweatshirt whose sleeves run up to the neck."""
+    width, long = 28.0 + grade, 68.0 + grade
+    under = (width, long - 25.0)
+    pieces = []
+    for name, neck, depth in (("FRONT", 7.5, 8.0), ("BACK", 7.0, 2.5)):
+        tip = (neck, long - (2.0 if depth > 4 else 0.5))
+        low = (0.0, long - depth)
+        seam = bezier(under, (width - 3.0, long - 24.0), (neck + 6.0, long - 10.0), tip)
+        opening = bezier(tip, (neck - 1.5, tip[1] - 0.7 * (tip[1] - low[1])), (0.5 * neck, low[1]), low)
+        edges = [line((0.0, 0.0), (width, 0.0)), line((width, 0.0), under), seam, opening, line(low, (0.0, 0.0))]
+        pieces.append(Drafted(name, edges, "1", (low, (0.0, 0.0))))
+    front, back = (length(piece.edges[2]) for piece in pieces)
+    half, wrist, arm = 20.0 + grade, 11.0, 44.0
+
+    def side(sign: float, top: Point, wanted: float) -> list[Point]:
+        """From under the arm up to the neck, as long as the body's seam."""
+        start = (sign * half, arm)
+        low, high = 0.0, 40.0
+        for _ in range(50):
+            tall = 0.5 * (low + high)
+            curve = bezier(
+                start, (sign * (half - 4.0), arm + 1.0), (top[0] + sign * 5.0, arm + 0.6 * tall), (top[0], arm + tall)
+            )
+            low, high = (tall, high) if length(curve) < wanted else (low, tall)
+        return curve
+
+    behind, ahead = side(1.0, (3.5, 0.0), back), side(-1.0, (-3.5, 0.0), front)
+    opening = bezier(behind[-1], (1.5, behind[-1][1] - 1.0), (-1.5, ahead[-1][1] - 1.0), ahead[-1], 12)
+    edges = [
+        line((-wrist, 0.0), (wrist, 0.0)), line((wrist, 0.0), (half, arm)), behind, opening, ahead[::-1],
+        line((-half, arm), (-wrist, 0.0)),
+    ]  # fmt: skip
+    sleeves = Drafted("SLEEVE", edges, "2", None)
+    neck = 2.0 * sum(length(piece.edges[3]) for piece in pieces) + 2.0 * length(opening)
+    return [*pieces, sleeves, band("NECKBAND", 0.9 * neck, 2.5)]
+
+
+GARMENTS: dict[str, Callable[[float], list[Drafted]]] = {
+    "tshirt": tshirt,
+    "trousers": trousers,
+    "hooded": hooded,
+    "leggings": leggings,
+    "raglan": raglan,
+}
 # Each true seam by kind and number: what a proposal must find, and may find nothing beside
 TRUE_SEAMS = {
     "tshirt": {"shoulder": 2, "side": 2, "sleeve cap": 2, "underarm": 2, "collar": 1, "collar ends": 1},
@@ -169,6 +231,8 @@ TRUE_SEAMS = {
         **{"shoulder": 2, "side": 2, "sleeve cap": 2, "underarm": 2, "hood to neck": 2, "hood centre": 1, "cuff": 2},
         **{"cuff ends": 2, "hem band": 1, "hem_band ends": 1},
     },
+    "leggings": {"inseam": 2, "front crotch": 1, "back crotch": 1, "waistband": 1, "waistband ends": 1},
+    "raglan": {"side": 2, "raglan": 4, "underarm": 2, "collar": 1, "collar ends": 1},
 }  # fmt: skip
 
 
@@ -253,12 +317,14 @@ def _outline(block: Any, points: list[Point], layer: str, entity: str) -> None:
 STYLES = {
     "tshirt": Style(),
     "trousers": Style("ENGLISH", turned=90.0, entity="LWPOLYLINE", allowance=1.0),
+    "leggings": Style(),
+    "raglan": Style(turned=90.0, allowance=1.0),
     "hooded": Style("", turned=-90.0, inserted=False, entity="LINE", marks=False, insunits=6),
 }
 
 
 def write_all(folder: Path, sizes: Sequence[str] = ("S", "M", "L")) -> dict[str, Path]:
-    """The three garments in these sizes, each in its style."""
+    """All garments in these sizes, each in its style."""
     return {
         name: write(folder / f"{name}.dxf", {size: draft(GRADES[size]) for size in sizes}, STYLES[name])
         for name, draft in GARMENTS.items()

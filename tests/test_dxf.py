@@ -110,7 +110,10 @@ def boundary_loops(path: Path, options: DraftOptions) -> int:
     return len(np.unique(connected_components(len(used), number[:, 0], number[:, 1])))
 
 
-@pytest.mark.parametrize(("garment", "loops"), [("tshirt", 4), ("trousers", 3), ("hooded", 4)])
+OPENINGS = [("tshirt", 4), ("trousers", 3), ("hooded", 4), ("leggings", 3), ("raglan", 4)]
+
+
+@pytest.mark.parametrize(("garment", "loops"), OPENINGS)
 def test_the_sewn_garment_has_its_openings(folder: Path, garment: str, loops: int) -> None:
     path = write(folder / f"sewn_{garment}.dxf", {"M": GARMENTS[garment](0.0)}, STYLES[garment])
     assert boundary_loops(path, DraftOptions()) == loops
@@ -206,6 +209,25 @@ def test_sleeves_and_legs_start_clear_of_each_other(folder: Path) -> None:
     low = [mesh.points[mesh.triangles[mesh.panels == panel]].reshape(-1, 3)[:, 0] for panel in (2, 3)]
     assert np.sort([low[0].mean(), low[1].mean()]) == pytest.approx([-np.abs(low[0].mean()), low[0].mean()], abs=1e-3)
     assert low[0].mean() > 0.2  # the left sleeve is at the wearer's left
+
+
+def test_whole_legs_start_round_the_legs_and_half_of_the_trunk(folder: Path) -> None:
+    path = write(folder / "legs.dxf", {"M": GARMENTS["leggings"](0.0)})
+    mesh = load_pattern(path, edge=EDGE)
+    assert mesh.panels is not None
+    left = mesh.points[np.unique(mesh.triangles[mesh.panels == 0])]
+    assert left[:, 0].min() > -0.01  # the left leg keeps to the wearer's left, above the crotch, too
+    assert np.abs(mesh.points[mesh.points[:, 1] < 0.7][:, 0]).min() > 0.003
+    low, high = left[left[:, 1] > 0.95][:, 2].min(), left[left[:, 1] > 0.95][:, 2].max()
+    assert low < -0.1 < 0.1 < high  # from the middle of the back to that of the front
+
+
+def test_a_raglan_is_no_set_in_sleeve(folder: Path) -> None:
+    draft = drafted(folder, "raglan")
+    seams = {side_text(draft.parts, joint.one): side_text(draft.parts, joint.other) for joint in draft.joints}
+    raglans = {one: other for one, other in seams.items() if one.startswith("SLEEVE") and "BACK" in other}
+    assert set(raglans) == {"SLEEVE 2", "SLEEVE mirrored 2"}  # as drafted, the back of a left sleeve
+    assert min(joint.confidence for joint in draft.joints) > 0.96
 
 
 def test_bulges_are_arcs_and_open_outlines_are_closed(folder: Path) -> None:

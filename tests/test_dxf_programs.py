@@ -16,6 +16,7 @@ from test_pattern import area_of, topology
 
 from warp_cloth.pattern import DraftOptions, load_pattern, read_drafted
 from warp_cloth.pattern.draft import Stated
+from warp_cloth.pattern.kinds import named_all
 
 CODES = {"FRONT": "FR", "BACK": "BK", "SLEEVE": "SL1", "NECKBAND": "CO"}
 
@@ -54,6 +55,21 @@ def test_names_that_are_codes_of_a_style_are_told_apart(tmp_path: Path) -> None:
         path.write_bytes(path.read_bytes().replace(f"B2204 TEE {name}".encode(), f"B2204 TEE{code}".encode()))
     draft = read_drafted(path)
     assert kinds(draft) == TRUE_SEAMS["tshirt"]
+
+
+def test_codes_of_several_words_are_what_the_first_says() -> None:
+    names = [
+        "REGULAR TEEFR",
+        "REGULAR TEEBK",
+        "REGULAR TEESL FR",
+        "REGULAR TEESL BK",
+        "REGULAR TEECO",
+        "REGULAR TEEPKT",
+    ]
+    found = [what.kind for what in named_all([(name, "", "") for name in names])]
+    assert found == ["front", "back", "sleeve", "sleeve", "collar", "none"]
+    named_so = [("FRONT", "", ""), ("SIDE FRONT", "", ""), ("11", "BACK", ""), ("12", "", "Lining")]
+    assert [what.kind for what in named_all(named_so)] == ["front", "front", "back", "none"]
 
 
 @pytest.mark.parametrize("unit", [CM, MM])

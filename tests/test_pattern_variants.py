@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from test_pattern import area_of, topology
 from test_pattern_refused import loaded, tube
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.loading.sizes import GUESS_NOTE, check_sizes
 
 Change = Callable[[dict[str, Any]], Any]
 
@@ -144,3 +147,12 @@ def test_sides_of_two_and_three_edges_are_refused(tmp_path: Path) -> None:
     tree["pattern"]["stitches"] = [[{"panel": "front", "edge": [0, 1]}, {"panel": "back", "edge": [0, 1, 2]}]]
     with pytest.raises(InputError, match="stitch 0: sews 2 edges to 3; name as many edges on either side"):
         loaded(json.loads(json.dumps(tree)), tmp_path)
+
+
+def test_a_gown_wider_than_two_people_are_tall_fits_its_body() -> None:
+    gown = Mesh("gown", np.array([[-2.3, 0.0, 0.0], [2.3, 0.0, 0.0], [0.0, 1.4, 0.0]]), np.array([[0, 1, 2]], np.int32))
+    body = Mesh("body", np.array([[-0.4, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 1.8, 0.0]]), np.array([[0, 1, 2]], np.int32))
+    guessed = replace(body, notes=(f"{GUESS_NOTE} metres",))
+    check_sizes([("garment", gown)], guessed)
+    with pytest.raises(InputError, match="does not fit an avatar"):
+        check_sizes([("garment", replace(gown, points=3.0 * gown.points))], guessed)

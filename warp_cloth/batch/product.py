@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.toml_file import read_toml
 from warp_cloth.scene import shipped_scenes
 from warp_cloth.scene.overrides import flat
 from warp_cloth.scene.paths import file_stem
@@ -50,10 +51,22 @@ def product_rows(product: Any, shared: Mapping[str, Any], path: Path) -> list[di
         for entry in chosen:
             row.update({key: _sized(value, size) for key, value in entry["keys"].items()})
         if size and not any(_names_size(entry) for entry in chosen):
-            row.setdefault("garment.shape.size", size)
+            row.setdefault(_size_key(row, path), size)
         row["name"] = "-".join(_sized(entry["name"], "").strip("_- ") for entry in chosen)
         rows.append(row)
     return rows
+
+
+def _size_key(row: Mapping[str, Any], path: Path) -> str:
+    """The key that a size is of: a DXF pattern's own, else that of a generated garment."""
+    pattern, scene = row.get("garment.pattern"), row.get("scene")
+    if pattern is None and isinstance(scene, str) and scene.lower().endswith(".toml"):
+        try:
+            stated = dict(flat(read_toml(path.parent / scene, "scene file")))
+        except InputError:  # which its items say
+            stated = {}
+        pattern = stated.get("garment.pattern")
+    return "garment.size" if str(pattern).lower().endswith(".dxf") else "garment.shape.size"
 
 
 def _files(entry: Any, path: Path) -> list[Any]:

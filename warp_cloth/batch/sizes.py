@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -20,6 +20,7 @@ from warp_cloth.maps import chosen_maps
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
+from warp_cloth.pattern import read_drafted
 from warp_cloth.report.shown import ShownVerdict, shown_verdict
 from warp_cloth.scene import Scene, TshirtShape, load_scene
 from warp_cloth.scene.paths import file_stem
@@ -184,11 +185,11 @@ def fit_sizes(
     Args:
         scene: what ``load_scene`` takes; its avatar is the body, the same for all sizes. ``{size}`` in its name, with
             ``on``, stands for the size, as in shirt_{size}.obj.
-        sizes: from small to large; empty: those of the generated T-shirt.
+        sizes: from small to large; empty: those of the generated T-shirt, or of the DXF pattern.
         on: the body's mesh file, or "mannequin", in place of the scene's avatar.
         fabric: of all garments.
         overrides: ``KEY=VALUE`` changes; ``{size}`` in one, or in the scene's garment.mesh or pattern, stands for it.
-            Where neither has it the size is that of the generated T-shirt.
+            Where neither has it the size is that of the generated T-shirt, or of the DXF pattern.
         ease: wanted at chest, waist and hip [m]; negative for a garment that should stretch.
         maps: fit maps to compute of each size, such as "gap", for ``warp-cloth compare``.
         device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
@@ -248,7 +249,8 @@ def _sized_scenes(scene: Any, sizes: Sequence[str], changes: Sequence[str], on: 
         if spec.file is not None and SIZE in str(spec.file)
     ]
     own = bool(sized) or named
-    if not own and not isinstance(base.garments[0].shape, TshirtShape):
+    graded = () if own else _graded(base)
+    if not own and not graded and not isinstance(base.garments[0].shape, TshirtShape):
         raise InputError("sizes", "nothing in the scene depends on the size", f"override garment.mesh=shirt_{SIZE}.obj")
     if own and not sizes:
         raise NO_SIZES
@@ -256,8 +258,18 @@ def _sized_scenes(scene: Any, sizes: Sequence[str], changes: Sequence[str], on: 
     if own:
         return {size: load(size, [*plain, *sized]) for size in sizes}
     first = "garment" if len(base.garments) == 1 else "garment[0]"
+    if graded:
+        return {size: load(size, [*plain, f"{first}.size={toml_text(size)}"]) for size in sizes or graded}
     names = [size.upper() for size in sizes] or SIZES
     return {size: load(size, [*plain, f"{first}.shape.size={size}"]) for size in names}
+
+
+def _graded(scene: Scene) -> tuple[str, ...]:
+    """The sizes of the first garment's pattern, from small to large; none where it states none."""
+    spec = scene.garments[0]
+    if spec.pattern is None or not spec.is_drafted:
+        return ()
+    return read_drafted(spec.pattern, replace(spec.draft_options, size=None)).sizes
 
 
 def _fit_size(size: str, scene: Scene, maps: Sequence[str], device: str | None, caches: Caches) -> SizeFit:

@@ -99,7 +99,7 @@ def sizes(
     fabric: FabricName = None,
     size: Annotated[
         list[str] | None,
-        typer.Option(help="Sizes, smallest first: S,M,L, or one each time.", show_default="S, M, L of the T-shirt"),
+        typer.Option(help="Sizes, smallest first: S,M,L, or one each time.", show_default="all, of T-shirt or DXF"),
     ] = None,
     changes: Annotated[
         list[str] | None,

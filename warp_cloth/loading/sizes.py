@@ -32,6 +32,7 @@ GUESS_NOTE = "units not stated"  # start of every note about a guess
 # Largest extent of the garment over the avatar's, from a glove to a train. Wide where both units are stated.
 RATIO, WIDE_RATIO = (0.05, 1.6), (0.01, 20.0)
 SAME_UNIT_RATIO = (0.02, 5.0)  # both guessed alike: an error concerns both
+STATED_RATIO, PERSON = (0.05, 5.0), (1.4, 2.1)  # of a garment of stated unit, on an avatar as tall as people are [m]
 GAP, WIDE_GAP = 0.25, 2.0  # between the two bounding boxes, over the avatar's extent
 
 
@@ -188,6 +189,8 @@ def check_sizes(garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None) -> No
         ratio_bounds, gap_bound = WIDE_RATIO, WIDE_GAP
         if guess_g and guess_a and garment.unit == avatar.unit:
             ratio_bounds, gap_bound = SAME_UNIT_RATIO, WIDE_GAP
+        elif guess_a and not guess_g and _fits(_extent(avatar), PERSON):
+            ratio_bounds, gap_bound = STATED_RATIO, GAP  # a gown is wider than two people are tall
         elif guess_g or guess_a:
             ratio_bounds, gap_bound = RATIO, GAP
         ratio, gap = _fit_of(garment, avatar, 1.0, 1.0)

@@ -26,25 +26,34 @@ class OutlineError(Exception):
         self.places = places
 
 
-def triangulated(points: Floats, sides: Ints) -> Ints:
+def triangulated(points: Floats, sides: Ints, panel: Ints) -> Ints:
     """Counter-clockwise triangles that fill outlines, Delaunay but for the sides; shape [F, 3].
 
-    ``points`` [m], shape [N, 2]; ``sides``, shape [n, 2]: vertices 0 to n - 1 in closed loops, the cloth to the left.
+    ``points`` [m], shape [N, 2]; ``sides``, shape [n, 2]: vertices 0 to n - 1 in closed loops, the cloth to the left;
+    ``panel`` of each point, shape [N].
 
     Raises:
         OutlineError: an outline crosses or touches itself.
     """
+    triangles = _with_sides(points, _delaunay(points, panel), sides)
+    return _without_flat(points, _inner(triangles, sides, len(points)), sides)
+
+
+def _delaunay(points: Floats, panel: Ints) -> Ints:
+    """Delaunay triangles panel by panel: in half of the time that all side by side take."""
     from scipy.spatial import Delaunay, QhullError  # imported where it is used: 0.36 s
 
-    try:
-        found = Delaunay(points)
-    except QhullError:
-        raise OutlineError(0) from None
-    if len(found.coplanar):
-        raise OutlineError(*(int(v) for v in found.coplanar[0, [0, 2]]))
-    triangles = found.simplices.astype(np.int64)  # counter-clockwise, flat ones by their neighbours
-    triangles = _with_sides(points, triangles, sides)
-    return _without_flat(points, _inner(triangles, sides, len(points)), sides)
+    order = np.argsort(panel, kind="stable")
+    found = []
+    for mine in np.split(order, 1 + np.flatnonzero(np.diff(panel[order]))):
+        try:
+            made = Delaunay(points[mine])
+        except QhullError:
+            raise OutlineError(int(mine[0])) from None
+        if len(made.coplanar):
+            raise OutlineError(*(int(v) for v in mine[made.coplanar[0, [0, 2]]]))
+        found.append(mine[made.simplices])  # counter-clockwise, flat ones by their neighbours
+    return np.concatenate(found)
 
 
 def doubled_areas(points: Floats, triangles: Ints) -> Floats:

@@ -20,6 +20,7 @@ from warp_cloth.pattern.roles import (
     hood_roles,
     is_strip,
     leg_roles,
+    pants_roles,
     skirt_roles,
     sleeve_roles,
     strip_roles,
@@ -143,6 +144,8 @@ def _part(piece: Piece, said: Stated, index: int) -> Part:
         sure = 1.0
     elif kind in ("front", "back"):
         kind = _worn_on(piece, kind)
+    elif kind == "leg" and _is_whole_leg(piece):
+        pass
     elif kind in ("leg", "skirt", ""):
         kind, sure = "", BY_SHAPE
     turn = upright(piece.edges, kind)[1] * np.eye(2)  # half a turn keeps the warp along y
@@ -165,6 +168,14 @@ def _worn_on(piece: Piece, face: str) -> str:
     return face if hollow >= 2 else f"leg_{face}" if hollow == 1 else f"skirt_{face}"
 
 
+def _is_whole_leg(piece: Piece) -> bool:
+    """Whether a piece covers a leg all round: cut out for the crotch on either side."""
+    shape = Shape(piece.edges, upright(piece.edges, "leg"))
+    roles = pants_roles(shape)
+    crotches = [roles.get(f"crotch{mark}", ()) for mark in "+-"]
+    return all(any(shape.is_concave(k) for k in run) for run in crotches)
+
+
 def _roles(kind: str, shape: Shape, whole: bool) -> Roles:
     if len(shape.order) < 3:
         return {}
@@ -172,6 +183,8 @@ def _roles(kind: str, shape: Shape, whole: bool) -> Roles:
         return bodice_roles(shape, whole)
     if kind in ("leg_front", "leg_back"):
         return leg_roles(shape)
+    if kind == "leg":
+        return pants_roles(shape)
     if kind == "sleeve":
         return sleeve_roles(shape)
     if kind == "hood":
@@ -190,6 +203,8 @@ def _side(kind: str, shape: Shape, roles: Roles, whole: bool) -> int:
         return faced * (LEFT if "side+" in roles or "armhole+" in roles or "shoulder+" in roles else RIGHT)
     if kind in ("leg_front", "leg_back"):
         return faced * LEFT if "inner-" in roles else faced * RIGHT if "inner+" in roles else BOTH
+    if kind == "leg" and "crotch+" in roles:  # its back is cut out farther; at +x on the wearer's left
+        return LEFT if shape.length(roles["crotch+"]) > shape.length(roles["crotch-"]) else RIGHT
     if kind == "hood":  # seen from outside, the face is towards +x on the wearer's right
         return RIGHT if "face+" in roles else LEFT if "face-" in roles else BOTH
     return BOTH

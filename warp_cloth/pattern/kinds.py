@@ -58,6 +58,9 @@ PLACES: dict[str, tuple[str, int]] = {
     "leg_back": ("leg_back", BOTH),
     "left_leg_back": ("leg_back", LEFT),
     "right_leg_back": ("leg_back", RIGHT),
+    "leg": ("leg", BOTH),
+    "left_leg": ("leg", LEFT),
+    "right_leg": ("leg", RIGHT),
     "skirt_front": ("skirt_front", BOTH),
     "skirt_back": ("skirt_back", BOTH),
     "hood": ("hood", BOTH),
@@ -71,7 +74,7 @@ PLACES: dict[str, tuple[str, int]] = {
     "right_cuff": ("cuff", RIGHT),
     "none": ("none", BOTH),
 }
-PAIRED = ("sleeve", "leg_front", "leg_back", "hood", "cuff")  # cut twice where no number is stated
+PAIRED = ("sleeve", "leg", "leg_front", "leg_back", "hood", "cuff")  # cut twice where no number is stated
 
 
 @dataclass(frozen=True)
@@ -109,19 +112,21 @@ def named_all(texts: Sequence[Sequence[str]]) -> list[Named]:
         if not what.kind:
             other = named(category)
             what = replace(other, side=what.side or other.side) if other.kind else what
+        words = [word.upper() for word in re.findall(r"[A-Za-z]+", name[style:])]
         if not what.kind:
-            what = replace(what, kind=_coded(name[style:]))
+            what = replace(what, kind=_coded(words))
+        elif what.kind in ("front", "back") and len(words) > 1 and len(words[0]) > 1:  # "SL FR" is of a sleeve
+            what = replace(what, kind=_coded(words[:1]) or what.kind)
         if re.search(INNER_CLOTH, material.lower()):
             what = replace(what, kind="none")
         found.append(what)
     return found
 
 
-def _coded(code: str) -> str:
+def _coded(words: Sequence[str]) -> str:
     """The kind that the words of a code stand for: after "TEE", "FR" and "BK" are a front and a back."""
-    first, *others = [word.upper() for word in re.findall(r"[A-Za-z]+", code)] or [""]
-    words = [first, *(word for word in others if len(word) > 1)]
-    return next((kind for word in words for kind, codes in CODES if word in codes), "")
+    telling = [word for place, word in enumerate(words) if place == 0 or len(word) > 1]
+    return next((kind for word in telling for kind, codes in CODES if word in codes), "")
 
 
 def without_side(name: str) -> str:

@@ -73,7 +73,7 @@ def meshed(
     points = np.concatenate([rim, jittered(np.concatenate(seeds), spacing)])
     panel = np.concatenate([of_rim, np.repeat(np.arange(len(outlines)), [len(s) for s in seeds])])
     sides = sheet.sides
-    triangles = triangulated(points, sides)
+    triangles = triangulated(points, sides, panel)
     for _ in range(REFINING_ROUNDS):
         added, of = _refined(sheet, points, triangles, panel)
         if not len(added):
@@ -81,7 +81,7 @@ def meshed(
         points, panel = np.concatenate([points, added]), np.concatenate([panel, of])
         triangles = _renewed(points, panel, triangles, sides, np.unique(of))
     points = _smoothed(points, triangles, len(rim))
-    triangles = triangulated(points, sides)
+    triangles = triangulated(points, sides, panel)
     points = _improved(points, triangles, len(rim))
     edges = np.roll(points[triangles], -1, axis=1) - points[triangles]
     flat = triangles[doubled_areas(points, triangles) <= FLAT * (edges**2).sum(axis=2).max(axis=1)]
@@ -98,7 +98,7 @@ def _renewed(points: Floats, panel: Ints, triangles: Ints, sides: Ints, changed:
     own = sides[place[sides[:, 0]] >= 0]
     kept = triangles[place[triangles[:, 0]] < 0]
     try:
-        return np.concatenate([kept, mine[triangulated(points[mine], place[own])]])
+        return np.concatenate([kept, mine[triangulated(points[mine], place[own], panel[mine])]])
     except OutlineError as error:
         raise OutlineError(*(int(mine[at]) for at in error.places)) from None
 

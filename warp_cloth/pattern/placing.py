@@ -51,6 +51,7 @@ def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
         "skirt_back": lambda: _trunk(part, figure, False),
         "leg_front": lambda: _leg(part, figure, True),
         "leg_back": lambda: _leg(part, figure, False),
+        "leg": lambda: _whole_leg(part, figure),
         "sleeve": lambda: _sleeve(parts, index, figure),
         "hood": lambda: _hood(part, figure),
         "collar": lambda: _band(parts, index, figure),
@@ -147,6 +148,34 @@ def _leg(part: Part, figure: Figure, is_front: bool) -> Wrap | None:
     return Wrap(part.up, levels[kept], centre[kept], bend[kept], origin[kept], *frames)
 
 
+def _whole_leg(part: Part, figure: Figure) -> Wrap | None:
+    """A tube round the leg up to the crotch, and round that half of the trunk above."""
+    if part.side == BOTH or not part.roles.get("crotch+"):
+        return None
+    outward, across = part.side * figure.left, -part.side * figure.forward  # its +x is at the back on the left
+    fork = min(float(part.shape.turned[part.roles["crotch+"][0]].start[1]),
+               float(part.shape.turned[part.roles["crotch-"][-1]].end[1]))  # fmt: skip
+    levels, least, most = _spans(part, fork)
+    room = (figure.crotch - figure.ankle) / max(fork - float(levels[0]), 1e-3)
+    height = figure.crotch - 0.01 + (levels - fork) * np.where(levels < fork, min(1.0, room), 1.0)
+    tube = levels <= fork
+    width = np.maximum(most - least, 0.05)
+    bend = np.where(tube, WHOLE_TURN, np.pi) / width
+    curve = figure.legs[1 if part.side == LEFT else 0]
+    order = np.argsort(curve[:, 1], kind="stable")
+    beside = np.interp(height, curve[order, 1], ((curve - figure.middle) @ outward)[order])
+    ahead = np.interp(height, curve[order, 1], ((curve - figure.middle) @ figure.forward)[order])
+    beside = np.where(tube, np.maximum(beside, 1.0 / bend + GAP), GAP)
+    middle = np.stack([figure.at_height(y) for y in height]) + beside[:, None] * outward
+    middle += np.where(tube, ahead, 0.0)[:, None] * figure.forward
+    kept = tube | (levels > fork + ABOVE_CROTCH)
+    kept[-1] = True
+    origin = middle + outward / bend[:, None]
+    centre = 0.5 * (least + most)
+    frames = _repeated(across, outward, int(kept.sum()))
+    return Wrap(part.up, levels[kept], centre[kept], bend[kept], origin[kept], *frames)
+
+
 def _underarm(part: Part) -> float:
     """The level of a sleeve's underarm point."""
     cap, turned = part.roles.get("cap", ()), part.shape.turned
@@ -232,7 +261,8 @@ def _band(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
     # a ring begins at the back for a collar, at the right side round a waist, at the left below a hem; see proposal.py
     lower = any(each.kind.startswith(("leg", "skirt")) for each in parts)
     below_hem = part.kind == "hem_band" or (part.kind == "waistband" and not lower)
-    outward = figure.forward if part.kind == "collar" else -figure.left if below_hem else figure.left
+    from_back = part.kind == "collar" or any(each.kind == "leg" for each in parts)
+    outward = figure.forward if from_back else -figure.left if below_hem else figure.left
     bottom = float(figure.neck[1] if part.kind == "collar" else figure.middle[1])
     if below_hem:
         fronts = [each for each in parts if each.kind == "front"]

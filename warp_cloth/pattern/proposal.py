@@ -162,8 +162,21 @@ def _sleeves(parts: Sequence[Part]) -> Iterable[Joint]:
         for front_run, back_run in holes[side]:
             # the cap runs from +x to -x; its front is at -x on the wearer's left, as seen from outside
             others = (*back_run, *front_run) if side == LEFT else (*front_run, *back_run)
+            if is_raglan(parts):
+                runs = back_run, front_run
+                for mark, run in zip("+-" if side == LEFT else "-+", runs, strict=True):
+                    own = _run(sleeve, part.roles.get(f"raglan{mark}", ()))
+                    yield from _joint(parts, own, run, "raglan", (-0.03, 0.05))
+                continue
             cap = _run(sleeve, part.roles.get("cap", ()))
             yield from _joint(parts, cap, others, "sleeve cap", (-0.01, 0.12))
+
+
+def is_raglan(parts: Sequence[Part]) -> bool:
+    """Whether fronts and backs have armholes that run up to the neck, and sleeves that fill the rest of it."""
+    bodices = [parts[index] for index in _of(parts, "front", "back")]
+    shoulders = any(role.startswith("shoulder") for part in bodices for role in part.roles)
+    return bool(bodices) and not shoulders and any("raglan+" in part.roles for part in parts)
 
 
 def sleeve_side(parts: Sequence[Part], sleeve: int) -> int:
@@ -177,6 +190,8 @@ def sleeve_side(parts: Sequence[Part], sleeve: int) -> int:
     if not cap:
         return LEFT
     shape = part.shape
+    if is_raglan(parts) and "raglan+" in part.roles:  # its back is longer; at +x on the wearer's left
+        return LEFT if shape.length(part.roles["raglan+"]) > shape.length(part.roles["raglan-"]) else RIGHT
     points = np.concatenate([shape.turned[k].at(np.linspace(0.0, 1.0, 65)) for k in cap])
     top = int(points[:, 1].argmax())
     # the front half is cut out more deeply: it encloses less beside the line from underarm to top
@@ -199,6 +214,18 @@ def _legs(parts: Sequence[Part]) -> Iterable[Joint]:
                     yield from _joint(parts, _run(front, one), _run(back, other, True), role, (-0.03, 0.03))
     yield from _centres(parts, fronts, 1.0, "front crotch", "crotch")
     yield from _centres(parts, backs, 1.0, "back crotch", "crotch")
+    for leg in _of(parts, "leg"):
+        part, twin = parts[leg], parts[leg].twin
+        yield from _joint(
+            parts, _run(leg, part.roles.get("inseam+", ())), _run(leg, part.roles.get("inseam-", ()), True), "inseam",
+            (-0.05, 0.05),
+        )  # fmt: skip
+        if twin is None or twin < leg:
+            continue
+        for mark, against in ("+-", "-+"):
+            face = "back" if (mark == "+") == (part.side == LEFT) else "front"
+            one, other = part.roles.get(f"crotch{mark}", ()), parts[twin].roles.get(f"crotch{against}", ())
+            yield from _joint(parts, _run(leg, one), _run(twin, other, True), f"{face} crotch")
 
 
 def _hoods(parts: Sequence[Part]) -> Iterable[Joint]:
@@ -228,9 +255,19 @@ def _half_neck(parts: Sequence[Part], side: int) -> tuple[Side, ...]:
                 halves[kind] = _run(panel, neck, True)
     if len(halves) < 2:
         return ()
+    halves["sleeve"] = ()
+    if is_raglan(parts):
+        halves["sleeve"] = next(
+            (
+                _run(sleeve, parts[sleeve].roles.get("neck", ()), True)
+                for sleeve in _of(parts, "sleeve")
+                if sleeve_side(parts, sleeve) == side
+            ),
+            (),
+        )
     # a hood's neck runs counter-clockwise, seen from outside: on the wearer's left from the face back at -x to +x
     order = ("front", "back") if side == LEFT else ("back", "front")
-    return (*halves[order[0]], *halves[order[1]])
+    return (*halves[order[0]], *halves["sleeve"], *halves[order[1]])
 
 
 def _skirts(parts: Sequence[Part]) -> Iterable[Joint]:
@@ -281,11 +318,17 @@ def _ring(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
         for sleeve in _of(parts, "sleeve"):
             if sleeve_side(parts, sleeve) == side:
                 return _run(sleeve, parts[sleeve].roles.get("hem", ()), True)
+        for leg in _of(parts, "leg"):
+            if parts[leg].side == side:
+                return _run(leg, parts[leg].roles.get("hem", ()), True)
         legs = {parts[leg].kind: leg for leg in _of(parts, "leg_front", "leg_back") if parts[leg].side == side}
         runs = [_run(leg, parts[leg].roles.get("hem", ()), True) for leg in legs.values()]
         return tuple(each for run in runs for each in run) if len(runs) == 2 else ()
     if kind == "hem_band":
         return _around(parts, ("front",), ("back",), "hem", True)
+    whole = {parts[leg].side: _run(leg, parts[leg].roles.get("waist", ()), True) for leg in _of(parts, "leg")}
+    if all(whole.get(side) for side in (LEFT, RIGHT)):
+        return (*whole[RIGHT], *whole[LEFT])  # from the middle of the back
     legs_or_skirt = _around(parts, ("leg_front", "skirt_front"), ("leg_back", "skirt_back"), "waist", False)
     return legs_or_skirt or _around(parts, ("front",), ("back",), "hem", True)
 

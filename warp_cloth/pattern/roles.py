@@ -19,6 +19,7 @@ DART = np.radians(110.0)  # how far the outline turns back at a dart's tip
 DART_ALIKE = 0.05  # relative difference of a dart's legs
 STRIP = 2.5  # length over width
 STEEP = 0.75  # |dy| of an underarm edge, per length
+RAGLAN = 0.1  # [m] that an edge to the neck rises which is no shoulder
 
 Roles = dict[str, tuple[int, ...]]
 
@@ -119,7 +120,7 @@ def upright(edges: tuple[Chain, ...], kind: str) -> Floats:
     shape = Shape(edges, np.array([0.0, 1.0]))
     low, high = shape.box
     height = float(high[1] - low[1])
-    if kind in ("front", "back", "leg_front", "leg_back"):
+    if kind in ("front", "back", "leg_front", "leg_back", "leg"):
         hollow = [k for k in shape.order if shape.is_concave(k)]
         weights = [-shape.bow(k) * shape.edges[k].length for k in hollow]
         rise = sum(w * (shape.middle(k)[1] - low[1]) for w, k in zip(weights, hollow, strict=True))
@@ -216,8 +217,14 @@ def _arm_side(shape: Shape, up: Sequence[int], mark: str) -> Roles:
     """Shoulder, armhole and side of the edges from the hem up to the neck, in that order; runs as the loop runs."""
     if len(up) < 2:
         return {f"side{mark}": tuple(up)}
-    hollow = [k for k in range(len(up) - 1) if shape.is_concave(up[k])]
     as_loop = slice(None, None, 1 if mark == "+" else -1)
+    x, y = np.abs(shape.chord(up[-1]))
+    if y > RAGLAN and y > 0.5 * x:  # a raglan's seam, which runs up to the neck
+        raglan = len(up) - 1
+        while raglan > 1 and abs(shape.turn_after(up[raglan - 1] if mark == "+" else up[raglan])) < 0.5 * BENT:
+            raglan -= 1
+        return {f"side{mark}": tuple(up[:raglan])[as_loop], f"armhole{mark}": tuple(up[raglan:])[as_loop]}
+    hollow = [k for k in range(len(up) - 1) if shape.is_concave(up[k])]
     if not hollow:
         return {f"side{mark}": tuple(up[:-1])[as_loop], f"shoulder{mark}": (up[-1],)}
     deepest = min(hollow, key=lambda k: shape.bow(up[k]))
@@ -279,6 +286,30 @@ def sleeve_roles(shape: Shape) -> Roles:
     roles["under+"] = shape.run(hem_end, cap_first)
     roles["under-"] = shape.run(cap_end, hem_first)
     roles["cap"] = shape.run(cap_first, cap_end)
+    return roles | _raglan_roles(shape, roles["cap"])
+
+
+def _raglan_roles(shape: Shape, cap: tuple[int, ...]) -> Roles:
+    """Of a cap that ends at the neck: its neck, and its seams at +x and -x; it is a raglan's if bodices have none."""
+    steep = [abs(float(shape.chord(k)[1])) > 0.5 * abs(float(shape.chord(k)[0])) for k in cap]
+    level = [n for n, is_steep in enumerate(steep) if not is_steep]
+    up, down = (level[0], level[-1] + 1) if level else (0, 0)
+    if not 0 < up < down < len(cap):
+        return {}
+    return {"raglan+": cap[:up], "neck": cap[up:down], "raglan-": cap[down:]}
+
+
+def pants_roles(shape: Shape) -> Roles:
+    """waist and hem of a whole leg; inseam and crotch at +x and -x."""
+    (hem_first, hem_end), (waist_first, waist_end) = _ends(shape)
+    roles: Roles = {"hem": shape.run(hem_first, hem_end), "waist": shape.run(waist_first, waist_end)}
+    for mark, run in (("+", shape.run(hem_end, waist_first)), ("-", shape.run(waist_end, hem_first))):
+        corners = [float(shape.turned[k].start[0]) for k in run[1:]]
+        if not corners:
+            return roles
+        tip = 1 + int(np.argmax(corners) if mark == "+" else np.argmin(corners))
+        below, above = (run[:tip], run[tip:]) if mark == "+" else (run[tip:], run[:tip])
+        roles |= {f"inseam{mark}": below, f"crotch{mark}": above}
     return roles
 
 

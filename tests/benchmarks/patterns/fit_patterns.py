@@ -79,8 +79,8 @@ def main() -> None:
     args = parser.parse_args()
     with (args.designs / "index.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if not args.only or row["name"] in args.only]
-    with ThreadPoolExecutor(args.at_once) as pool:
-        results = list(pool.map(lambda row: both(row, args), rows))
+    pool = ThreadPoolExecutor(args.at_once)
+    results = pool.map(lambda row: both(row, args), rows)
     strains, apart, worn = [], [], [0, 0]
     print("name worn vertices iterations strain% girths_mm")
     for row, reports in zip(rows, results, strict=True):
