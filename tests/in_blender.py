@@ -80,7 +80,7 @@ def fit(**options: Any) -> str:
 def rise_of_body(module: Any, ball: Any, folder: Path) -> list[float]:
     """How far the ball is from home in two frames [m], the first of which a fit has moved by 0.5 m upwards."""
     home = world(ball)
-    shapes = np.stack([home + [0.0, 0.0, 0.5], home]) @ module.Y_UP.T
+    shapes = np.stack([home + np.array([0.0, 0.0, 0.5]), home]) @ module.Y_UP.T
     header = module.PC2.pack(b"POINTCACHE2\0", 1, len(home), 1.0, 1.0, len(shapes))
     (folder / "moved.pc2").write_bytes(header + shapes.astype("<f4").tobytes())
     module.Fit._move_body(SimpleNamespace(body=ball.name, metres=1.0), bpy.context, folder / "moved.pc2")
