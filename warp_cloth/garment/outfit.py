@@ -22,7 +22,7 @@ from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.measured_body import measured_mannequin
 from warp_cloth.garment.mistaken import refuse_bodies
 from warp_cloth.garment.pins import select_pins
-from warp_cloth.garment.reading import read_again
+from warp_cloth.garment.reading import read_again, read_body_again
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
 from warp_cloth.loading import Placement, check_sizes, load_mesh_once, load_poses, without_area
@@ -128,6 +128,10 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
         check_sizes(keyed, avatar)
     except InputError:
         outfit = _read_otherwise(scene, worn, _wearing(scene, _garments(scene, worn, cache), avatar, cache), cache)
+        again, readings = read_body_again(scene, keyed, avatar)
+        if outfit is None and readings:
+            outfit = load_outfit(again, cache)
+            outfit = replace(outfit, readings=(*readings, *outfit.readings))
         if outfit is None:
             raise
         return outfit
