@@ -6,6 +6,7 @@ import json
 import os
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -76,6 +77,20 @@ def fit(**options: Any) -> str:
     return ""
 
 
+def rise_of_body(module: Any, ball: Any, folder: Path) -> list[float]:
+    """How far the ball is from home in two frames [m], the first of which a fit has moved by 0.5 m upwards."""
+    home = world(ball)
+    shapes = np.stack([home + np.array([0.0, 0.0, 0.5]), home]) @ module.Y_UP.T
+    header = module.PC2.pack(b"POINTCACHE2\0", 1, len(home), 1.0, 1.0, len(shapes))
+    (folder / "moved.pc2").write_bytes(header + shapes.astype("<f4").tobytes())
+    module.Fit._move_body(SimpleNamespace(body=ball.name, metres=1.0), bpy.context, folder / "moved.pc2")
+    rises = []
+    for frame in (1, 2):
+        bpy.context.scene.frame_set(frame)
+        rises.append(float((world(ball) - home)[:, 2].mean()))
+    return rises
+
+
 def main() -> None:
     addon, command, folder = Path(sys.argv[1]), *sys.argv[2:]
     found: dict[str, Any] = {}
@@ -101,6 +116,7 @@ def main() -> None:
     bpy.context.scene.frame_set(5)
     found["last"] = float(np.abs(world(cloth) - worn).max())
     found["caches"] = [str(path.relative_to(folder)) for path in Path(folder).rglob("*.pc2")]
+    found["rise"] = rise_of_body(sys.modules[addon.stem], ball, Path(folder))
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=str(Path(folder) / "worn.glb"))
     enable(addon, command)

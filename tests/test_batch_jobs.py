@@ -123,8 +123,29 @@ def test_a_catalogue_has_each_garment_by_size_and_no_bodies(tmp_path: Path) -> N
     assert fabrics == ("silk",)
     with pytest.raises(InputError, match="each request brings its body"):
         read_products(write(tmp_path, "bodies.toml", f'scene = "tshirt"\n{product}avatars = ["anna.obj"]\n'))
+    swept = f'scene = "tshirt"\n{product}sweep.garment.fabric = ["silk"]\n'
+    with pytest.raises(InputError, match=r"product\.sweep is for studies"):
+        read_products(write(tmp_path, "swept.toml", swept))
     with pytest.raises(InputError, match="no product with garments"):
         read_products(write(tmp_path, "none.toml", 'scene = "tshirt"\n'))
+
+
+def test_a_sweep_has_every_value_of_every_key(tmp_path: Path) -> None:
+    text = """
+        scene = "tshirt"
+        [product]
+        sizes = ["S", "M"]
+        [product.sweep]
+        avatar.shape.chest = {from = 0.9, to = 1.1, count = 3}
+        garment.fabric = ["silk", "denim"]
+    """
+    items = read_jobs(write(tmp_path, "jobs.toml", text))
+    assert len(items) == 12
+    assert [item.name for item in items[:3]] == ["S-0.9-silk", "S-0.9-denim", "S-1.0-silk"]
+    assert items[-1].columns == {
+        "scene": "tshirt", "garment.shape.size": "M", "avatar.shape.chest": 1.1, "garment.fabric": "denim"
+    }  # fmt: skip
+    assert not any(item.problem for item in items)
 
 
 def test_a_product_of_more_than_fits_a_batch_is_refused(tmp_path: Path) -> None:
@@ -176,6 +197,9 @@ def test_a_bad_row_is_an_item_that_says_why(tmp_path: Path, row: str, problem: s
         ("jobs.toml", 'scene = "tshirt"\n', "needs either [[item]] tables or one [product]"),
         ("jobs.toml", '[product]\ncolours = ["red"]\n', "unknown key product.colours"),
         ("jobs.toml", "[product]\nsizes = []\n", "product.sizes is not a list of entries"),
+        ("jobs.toml", "[product]\nsweep = 5\n", "product.sweep is not a list of values"),
+        ("jobs.toml", "[product.sweep]\ngarment.fabric = []\n", "product.sweep.garment.fabric is not a list of values"),
+        ("jobs.toml", "[product.sweep]\na.b = {from = 1, to = 2, count = 1}\n", "product.sweep.a.b is not a range"),
         ("jobs.toml", '[product]\nsizes = [{garment.shape.size = "S"}]\n', "has no name"),
     ],
 )

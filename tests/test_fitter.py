@@ -12,7 +12,7 @@ from meshfiles import sheet, write_obj
 
 import warp_cloth
 from warp_cloth.base.cache import Cache
-from warp_cloth.fitting import fitter as module
+from warp_cloth.fitting import fit as module
 from warp_cloth.fitting.fit import Fit
 
 SHIRT = {"garment.shape.edge_mm": 60, "collision.pixel_mm": 10, "solver.iterations": 200}

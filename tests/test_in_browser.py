@@ -73,7 +73,7 @@ def test_a_report(see: Callable[[Path, int], dict[str, Any]], report_page: Path,
     assert seen["images"] == [1800, 1800]
     assert seen["wide"] <= seen["window"]
     assert "worn" in seen["text"]
-    assert "square, in default of" in seen["text"]
+    assert "square, in the default fabric of" in seen["text"]
     assert "relative residual" not in seen["text"]  # folded away
 
 

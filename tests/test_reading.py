@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from meshfiles import write_panels
+from meshfiles import write_obj, write_panels
 
 from warp_cloth.anatomy.openings import ARMS, LEGS, limbs_for
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.outfit import Outfit, load_outfit
 from warp_cloth.scene import load_scene
+from warp_cloth.shapes import SIZE_BODIES, mannequin
 
 INCH = 0.0254
 TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # by 90 degrees about y
@@ -116,3 +117,15 @@ def test_sleeves_above_the_shoulders_start_too_high(tshirt: Mesh, tmp_path: Path
     assert high is not None
     assert low.too_high < 0.05
     assert high.too_high == pytest.approx(0.4, abs=0.2)
+
+
+def test_a_body_in_inches_that_lies_down_stands_up_round_its_garment(tmp_path: Path, tshirt: Mesh) -> None:
+    body = mannequin(SIZE_BODIES["M"])
+    write_obj(tmp_path / "body.obj", body.points[:, [0, 2, 1]] * [1.0, -1.0, 1.0] / INCH, body.triangles)
+    garment = write_panels(tmp_path / "shirt.obj", tshirt.points, tshirt)
+    outfit = load_outfit(load_scene(garment, on=tmp_path / "body.obj"))
+    assert {choice.key: choice.value for choice in outfit.readings} == {"avatar.units": "in", "avatar.up": "z"}
+    assert outfit.avatar is not None
+    assert outfit.avatar.points == pytest.approx(body.points, abs=1e-4)
+    with pytest.raises(InputError, match="away from the avatar"):  # what is stated stays
+        load_outfit(load_scene(garment, {"avatar.up": "y"}, on=tmp_path / "body.obj"))

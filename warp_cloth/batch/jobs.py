@@ -17,7 +17,7 @@ from typing import Any
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.text import to_utf8
 from warp_cloth.base.toml_file import exists, read_toml, toml_text
-from warp_cloth.batch.product import AXES, product_rows
+from warp_cloth.batch.product import AXES, SWEEP, product_rows
 from warp_cloth.batch.rows import COLUMNS
 from warp_cloth.loading.raw import counted
 from warp_cloth.scene.overrides import flat
@@ -107,6 +107,8 @@ def read_products(path: str | Path) -> tuple[dict[str, dict[str, Item]], tuple[s
         raise InputError(source, "has no product with garments", 'write [product] with garments = ["FILE", ..]')
     if "avatars" in product:
         raise InputError(source, "product.avatars: each request brings its body", "remove it")
+    if SWEEP in product:
+        raise InputError(source, f"product.{SWEEP} is for studies, not for what is asked for", "remove it")
     shared = {key: value for key, value in values.items() if key != "product"}
     axes = {axis: product[axis] for axis in ("garments", "sizes") if axis in product}
     rows = product_rows(axes | {key: product[key] for key in product if key not in AXES}, shared, source)
@@ -207,7 +209,9 @@ def _toml_rows(path: Path) -> list[dict[str, Any]]:
     shared = {key: value for key, value in values.items() if key not in ("item", "product")}
     if ("item" in values) == ("product" in values):
         raise InputError(
-            path, "needs either [[item]] tables or one [product]", f"a [product] has some of {', '.join(AXES)}"
+            path,
+            "needs either [[item]] tables or one [product]",
+            f"a [product] has some of {', '.join((*AXES, SWEEP))}",
         )
     if "product" in values:
         return product_rows(values["product"], shared, path)

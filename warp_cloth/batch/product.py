@@ -1,4 +1,4 @@
-"""Products in job files: every garment in every size on every avatar in every fabric."""
+"""Products in job files: every garment in every size on every avatar in every fabric, with every value of a sweep."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ from warp_cloth.scene.overrides import flat
 from warp_cloth.scene.paths import file_stem
 
 AXES = ("garments", "sizes", "avatars", "fabrics")  # in the order in which they form names
+SWEEP = "sweep"  # further axes: any scene keys
+RANGE = ("from", "to", "count")
+RANGE_REMEDY = "write [0.9, 1.0], or {from = 0.9, to = 1.1, count = 5}"
+DIGITS = 9  # after the point, of a range's values
 SIZE = "{size}"  # stands for the size's name in a garment's texts
 MOST_ITEMS = 1_000_000  # which take 1 GB of memory
 
@@ -25,11 +29,12 @@ def product_rows(product: Any, shared: Mapping[str, Any], path: Path) -> list[di
 
     An entry is text, or a table of scene keys with a ``name``.
     """
+    known = ", ".join((*AXES, SWEEP))
     if not isinstance(product, dict):
-        raise InputError(path, "product is not a table", f"write [product] with some of {', '.join(AXES)}")
-    unknown = next((key for key in product if key not in AXES), None)
+        raise InputError(path, "product is not a table", f"write [product] with some of {known}")
+    unknown = next((key for key in product if key not in (*AXES, SWEEP)), None)
     if unknown is not None:
-        raise InputError(path, f"unknown key product.{unknown}", f"allowed there: {', '.join(AXES)}")
+        raise InputError(path, f"unknown key product.{unknown}", f"allowed there: {known}")
     axes = []
     for axis in AXES:
         if axis in product:
@@ -37,8 +42,9 @@ def product_rows(product: Any, shared: Mapping[str, Any], path: Path) -> list[di
             if not isinstance(entries, list) or not entries:
                 raise InputError(path, f"product.{axis} is not a list of entries", 'write ["A", "B"]')
             axes.append([_entry(axis, each, path) for entry in entries for each in _files(entry, path)])
+    axes += _swept(product.get(SWEEP, {}), path)
     if not axes:
-        raise InputError(path, "the product is empty", f"give some of {', '.join(AXES)}")
+        raise InputError(path, "the product is empty", f"give some of {known}")
     count = 1
     for entries in axes:
         count *= len(entries)
@@ -67,6 +73,38 @@ def _size_key(row: Mapping[str, Any], path: Path) -> str:
             stated = {}
         pattern = stated.get("garment.pattern")
     return "garment.size" if str(pattern).lower().endswith(".dxf") else "garment.shape.size"
+
+
+def _swept(sweep: Any, path: Path, above: str = "") -> list[list[dict[str, Any]]]:
+    """An axis for each scene key of a sweep: a list of values, or a table {from, to, count} of evenly spaced ones."""
+    if not isinstance(sweep, dict):
+        raise InputError(path, f"product.{SWEEP}{above and '.' + above} is not a list of values", RANGE_REMEDY)
+    axes = []
+    for key, values in sweep.items():
+        whole = f"{above}.{key}".lstrip(".")
+        if isinstance(values, dict) and set(values) != set(RANGE):
+            axes += _swept(values, path, whole)
+            continue
+        chosen = _range(values, whole, path) if isinstance(values, dict) else values
+        if not isinstance(chosen, list) or not chosen:
+            raise InputError(path, f"product.{SWEEP}.{whole} is not a list of values", RANGE_REMEDY)
+        axes.append(
+            [{"axis": SWEEP, "name": _value_name(each), "keys": {whole: each}, "own": False} for each in chosen]
+        )
+    return axes
+
+
+def _range(values: Mapping[str, Any], key: str, path: Path) -> list[float]:
+    first, last, count = (values[name] for name in RANGE)
+    numbers = all(isinstance(each, int | float) and not isinstance(each, bool) for each in (first, last))
+    if not numbers or type(count) is not int or not 2 <= count <= MOST_ITEMS:
+        raise InputError(path, f"product.{SWEEP}.{key} is not a range of numbers", RANGE_REMEDY)
+    return [round(first + (last - first) * place / (count - 1), DIGITS) for place in range(count)]
+
+
+def _value_name(value: Any) -> str:
+    """A value as a part of its item's name."""
+    return re.sub(r"[^\w.+-]+", "_", file_stem(Path(value)) if isinstance(value, str) else str(value)).strip("_.")
 
 
 def _files(entry: Any, path: Path) -> list[Any]:

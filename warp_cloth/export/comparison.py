@@ -16,7 +16,7 @@ from warp_cloth.maps.kinds import MAPS, SHOWN_PERCENTILE, kind_named
 from warp_cloth.maps.measure import percentiles
 from warp_cloth.maps.read import WrittenFit
 from warp_cloth.report.numbers import short_number
-from warp_cloth.report.shown import shown_verdict
+from warp_cloth.report.shown import fitted_lines, shown_verdict
 
 
 def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], folder: Path) -> list[Path]:
@@ -120,7 +120,10 @@ def names_apart(fits: tuple[WrittenFit, WrittenFit]) -> tuple[str, str]:
 
 
 def _verdict(fit: WrittenFit) -> str:
-    return f": {shown_verdict(fit.report).words}" if "worn" in fit.report else ""
+    """Whether it is worn, and what was fitted: what a comparison changes, as a rule."""
+    if "worn" not in fit.report:
+        return ""
+    return ": " + "; ".join([shown_verdict(fit.report).words, *fitted_lines(fit.report)])
 
 
 def _shown(value: float | None, unit: str, *, signed: bool = False) -> str:

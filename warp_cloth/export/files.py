@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
@@ -11,12 +12,14 @@ from pathlib import Path
 from warp_cloth.base.errors import OutputError
 
 REMEDY = "choose an output folder that is writable"
+NO_SPACE = "free some space there, or choose another output folder"
 
 
 def unwritable(path: Path, error: Exception) -> OutputError:
     """The error for a path that cannot be written."""
     reason = getattr(error, "strerror", None) or error
-    return OutputError(path, f"cannot be written ({reason})", REMEDY)
+    full = getattr(error, "errno", None) == errno.ENOSPC or os.strerror(errno.ENOSPC) in str(error)  # as USD says it
+    return OutputError(path, f"cannot be written ({reason})", NO_SPACE if full else REMEDY)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""How to read a garment that starts on no limb: in another unit, with another axis up, or turned.
+"""How to read a garment that starts on no limb, or a body beside it: in another unit, another axis up, or turned.
 
 A file of another tool may state neither; round the body it shows, by the limbs that pass through the openings.
 """
@@ -15,7 +15,7 @@ from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.units import METRES_PER, LengthUnit
-from warp_cloth.loading import AXIS_UNKNOWN, Placement, from_z_up, was_guessed
+from warp_cloth.loading import AXIS_UNKNOWN, Placement, fitting_reading, from_z_up, was_guessed
 from warp_cloth.scene import GarmentSpec, Scene
 
 Value = str | tuple[float, float, float]
@@ -51,6 +51,26 @@ def read_again(scene: Scene, meshes: Sequence[Mesh], worn: Sequence[Wearing | No
             garments[index] = spec.model_copy(update=changes)
             choices += [Choice(f"{key}.{name}", value, reason) for name, value in changes.items()]
     return (scene.model_copy(update={"garments": tuple(garments)}) if choices else scene), choices
+
+
+def read_body_again(
+    scene: Scene, garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None
+) -> tuple[Scene, list[Choice]]:
+    """The scene with the body in another unit, and standing up, where only so it fits the first garment, and why.
+
+    Else the same scene. What its author states stays.
+    """
+    spec = scene.avatar
+    if spec is None or avatar is None or not was_guessed(avatar) or spec.up is not None:
+        return scene, []
+    key, garment = garments[0]
+    reading = fitting_reading(key, garment, avatar)
+    if not reading or not all(name.startswith("avatar.") for name in reading):
+        return scene, []
+    reason = f"in {avatar.unit}, with y up, it would lie beside the garment"
+    changes = {name.removeprefix("avatar."): value for name, value in reading.items()}
+    choices = [Choice(name, value, reason) for name, value in reading.items()]
+    return scene.model_copy(update={"avatar": spec.model_copy(update=changes)}), choices
 
 
 def _is_placed(spec: GarmentSpec) -> bool:

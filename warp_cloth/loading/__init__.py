@@ -4,7 +4,7 @@ from warp_cloth.loading.load import AXIS_UNKNOWN, SUPPORTED, from_z_up, load_mes
 from warp_cloth.loading.placement import Placement
 from warp_cloth.loading.poses import load_poses
 from warp_cloth.loading.repair import without_area
-from warp_cloth.loading.sizes import check_sizes, was_guessed
+from warp_cloth.loading.sizes import check_sizes, fitting_reading, was_guessed
 from warp_cloth.loading.stored import load_mesh_once
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "SUPPORTED",
     "Placement",
     "check_sizes",
+    "fitting_reading",
     "from_z_up",
     "load_mesh",
     "load_mesh_once",

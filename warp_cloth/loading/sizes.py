@@ -233,8 +233,11 @@ def _stood_up(low: Floats, high: Floats) -> tuple[Floats, Floats]:
     return np.array([low[0], low[2], -high[1]]), np.array([high[0], high[2], -low[1]])
 
 
-def _remedy(key: str, garment: Mesh, avatar: Mesh) -> str:
-    """The unit that makes garment and avatar fit: guessed ones are tried first."""
+def fitting_reading(key: str, garment: Mesh, avatar: Mesh) -> dict[str, str]:
+    """Scene keys of units and up axes in which garment and avatar fit, guessed ones first; {} without any.
+
+    One unit is changed, and where need be one of the two, of a format without an up axis, stands up.
+    """
     options: list[tuple[bool, str, LengthUnit, float, float]] = []
     for unit in LENGTH_UNITS:
         if unit != garment.unit:
@@ -244,18 +247,31 @@ def _remedy(key: str, garment: Mesh, avatar: Mesh) -> str:
             scale = METRES_PER[unit] / METRES_PER.get(avatar.unit, 1.0)  # type: ignore[call-overload]
             options.append((was_guessed(avatar), "avatar", unit, 1.0, scale))
     options.sort(key=lambda option: not option[0])
-    # only formats without an up axis are guessed
-    lying = [(role, name) for role, name, mesh in (("garment", key, garment), ("avatar", "avatar", avatar))
-             if was_guessed(mesh)]  # fmt: skip
+    lying = _may_lie(key, garment, avatar)
     for stand, standing in (("", ""), *lying):
         for _, name, unit, scale_g, scale_a in options:
             ratio, gap = _fit_of(garment, avatar, scale_g, scale_a, stand=stand)
             sane = _fits(_extent(garment) * scale_g, PLAUSIBLE["garment"])
             sane = sane and _fits(_extent(avatar) * scale_a, PLAUSIBLE["avatar"])
             if sane and _fits(ratio, RATIO) and gap <= (0.0 if stand else GAP):
-                also = f', and z up: set {standing}.up = "z"' if stand else ""
-                return f'likely {_PLURALS[unit]}: set {name}.units = "{unit}"{also}'
-    for role, name in lying:
+                return {f"{name}.units": unit, **({f"{standing}.up": "z"} if stand else {})}
+    return {}
+
+
+def _may_lie(key: str, garment: Mesh, avatar: Mesh) -> list[tuple[str, str]]:
+    """Role and key of what may have z up: only formats without an up axis have guessed units."""
+    meshes = ("garment", key, garment), ("avatar", "avatar", avatar)
+    return [(role, name) for role, name, mesh in meshes if was_guessed(mesh)]
+
+
+def _remedy(key: str, garment: Mesh, avatar: Mesh) -> str:
+    """The unit and the up axis that make garment and avatar fit."""
+    reading = fitting_reading(key, garment, avatar)
+    if reading:
+        (name, unit), *standing = reading.items()
+        also = "".join(f', and z up: set {place} = "z"' for place, _ in standing)
+        return f'likely {_PLURALS[unit]}: set {name} = "{unit}"{also}'
+    for role, name in _may_lie(key, garment, avatar):
         if _fit_of(garment, avatar, 1.0, 1.0, stand=role)[1] == 0.0:
             return f'if its file is z up, set {name}.up = "z"; or place the garment round the avatar: {key}.translate'
     return f"set {key}.units and avatar.units, and place the garment round the avatar: {key}.translate"

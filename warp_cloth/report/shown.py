@@ -57,7 +57,8 @@ def fitted_lines(report: Mapping[str, Any]) -> list[str]:
     lines = []
     for garment in settings.get("garment") or ():
         fabric = garment["fabric"]
-        parts = [_source(garment), f"in {fabric['name']} of {1e3 * fabric['weight']:.0f} g/m2", body and f"on {body}"]
+        cloth = "the default fabric" if fabric["name"] == "default" else fabric["name"]
+        parts = [_source(garment), f"in {cloth} of {1e3 * fabric['weight']:.0f} g/m2", body and f"on {body}"]
         lines.append(", ".join(filter(None, parts)))
     return lines
 
