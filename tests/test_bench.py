@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from warp_cloth.bench import Bench, run_bench
 from warp_cloth.bench.save import save_bench, table
-from warp_cloth.bench.specimen import Specimen, weights_by_area
+from warp_cloth.bench.specimen import Specimen, Specimens, piece, weights_by_area
 from warp_cloth.bench.swatch import disc, on_finer_disc, strip
 from warp_cloth.bench.trials import SUPPORT_RADIUS, drape, drape_coefficient, drape_disc, held_by_support
 from warp_cloth.cli.main import app
@@ -128,6 +128,23 @@ def test_discs_hang_as_each_does_alone() -> None:
         assert (beside.points == alone.points).all()
         assert (beside.forces == alone.forces).all()
     assert len({disc.check.iteration for disc in found[0]}) > 1  # some go on where others are at rest
+
+
+def test_discs_of_other_fabrics_and_meshes_hang_as_each_does_alone() -> None:
+    whole = StepOptions(method="multilevel")
+    meshes = [drape_disc(6), drape_disc(7, seed=1)]
+    pieces = [
+        piece(mesh, fabric_named(name), held_by_support(mesh))
+        for mesh, name in zip(meshes, ("cotton", "felt"), strict=True)
+    ]
+    starts = [mesh.points + (0.0, 1e-3, 0.0) * np.cos(50.0 * mesh.points[:, :1]) for mesh in meshes]
+    beside = Specimens(pieces, weightless=False, options=whole).settle_all(starts, Tolerance(), 5000)
+    for number in range(2):
+        alone = Specimens(pieces[number : number + 1], weightless=False, options=whole)
+        (found,) = alone.settle_all(starts[number : number + 1], Tolerance(), 5000)
+        assert beside[number].check == found.check
+        assert (beside[number].points == found.points).all()
+        assert (beside[number].forces == found.forces).all()
 
 
 @pytest.mark.parametrize("rings", [5, 6, 7, 8, 9, 35])
