@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 from cloths import cloth_forces, deformed_model, grid, model_of, slopes
+from test_clearance import ball, layers
 from test_reaction import FRICTION, OFFSET, floor
 
 from warp_cloth.avatar.collider import Collider
@@ -22,7 +23,7 @@ from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.vertices import allocate_steps
 from warp_cloth.solver.anisotropic_step import AnisotropicStep
-from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.relax import LIMIT_ON_CLOTH, Relaxation
 from warp_cloth.solver.step_options import StepOptions
 
 MOST = 100.0
@@ -230,7 +231,7 @@ def test_only_cloth_that_is_worn_has_any() -> None:
 
 
 @pytest.mark.parametrize(
-    ("residuals", "loose"), [([0.06], False), ([0.05], True), ([0.05, 0.19], True), ([0.05, 0.21], False)]
+    ("residuals", "loose"), [([0.21], False), ([0.2], True), ([0.2, 0.79], True), ([0.2, 0.81], False)]
 )
 def test_cloth_is_loose_from_when_its_forces_balance_till_they_are_far_from_it(
     residuals: list[float], loose: bool
@@ -239,6 +240,15 @@ def test_cloth_is_loose_from_when_its_forces_balance_till_they_are_far_from_it(
     for residual in residuals:
         relaxation.update_anisotropy(np.array([residual]))
     assert (relaxation.model.vertices.items.numpy()["anisotropy_limit"][0] > 0.0) == loose
+
+
+def test_cloth_that_meets_cloth_must_be_nearer_to_balance_and_goes_less_far() -> None:
+    relaxation = layers(ball())
+    limits = []
+    for residual in (0.06, 0.05):
+        relaxation.update_anisotropy(np.array([residual]))
+        limits.append(float(relaxation.model.vertices.items.numpy()["anisotropy_limit"][0]))
+    assert limits == [0.0, LIMIT_ON_CLOTH]
 
 
 @pytest.mark.parametrize("gathers", [False, True])
