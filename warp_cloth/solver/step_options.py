@@ -44,7 +44,7 @@ class StepOptions:
     method: Method = "accelerated"
     cap: float | None = None
     momentum: float = 0.9995
-    momentum_loose: float = 0.997
+    momentum_loose: float = 0.996
     damping: float = 0.985
     viscosity: float = 0.02
     buckling: float = 0.1
