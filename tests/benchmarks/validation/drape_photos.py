@@ -18,10 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from drape_photos import photograph, random_view
-from measured import Figures, add_write_option
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
@@ -120,7 +118,6 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="folder for the photographs")
-    add_write_option(parser)
     chosen = parser.parse_args()
     folder = chosen.keep or Path(tempfile.mkdtemp())
     folder.mkdir(exist_ok=True)
@@ -141,9 +138,8 @@ def main() -> None:
         "mean_B_within_two_stated": sum(abs(each.mean_off) < 2.0 * each.errors[0] for each in read),
         "both_B_within_two_stated": sum(max(map(abs, each.rigidity_off)) < 2.0 * each.errors[1] for each in read),
     }
-    with Figures(__file__, chosen, device=chosen.device, cores=1) as figures:
-        for key, count in counts.items():
-            figures.add(f"{kind}.{key}", f"{count} of {len(every)}", kind)
+    for key, count in counts.items():
+        print(f"{key}: {count} of {len(every)} {kind}")
 
 
 if __name__ == "__main__":
