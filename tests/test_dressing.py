@@ -62,7 +62,7 @@ def test_a_body_along_its_own_curves_is_itself_and_a_thin_one_close_to_them(tshi
     assert tshirt.avatar is not None
     body = PosedBody(tshirt.avatar, skeleton)
     assert body.points(body.home, np.inf) == pytest.approx(tshirt.avatar.points, abs=1e-9)
-    assert body.points(body.between(body.home, 0.5), np.inf) == pytest.approx(tshirt.avatar.points, abs=1e-6)
+    assert body.points(body.between(body.home, body.home, 0.5), np.inf) == pytest.approx(tshirt.avatar.points, abs=1e-6)
     thin = body.points(body.home, 0.03)
     assert np.linalg.norm(thin - body.points(body.home, 0.0), axis=1).max() == pytest.approx(0.03)
 

@@ -108,17 +108,6 @@ def test_one_sleeve_does_not_move_the_middle_of_a_garment(tshirt: Mesh, tmp_path
     assert {(ARMS[0],), (ARMS[1],), LEGS} <= set(wearing.limbs)
 
 
-def test_sleeves_above_the_shoulders_start_too_high(tshirt: Mesh, tmp_path: Path) -> None:
-    (low,), (high,) = (
-        read(tmp_path, tshirt, lambda points, lift=lift: points + np.array([0.0, lift, 0.0])).wearing
-        for lift in (0.0, 0.4)
-    )
-    assert low is not None
-    assert high is not None
-    assert low.too_high < 0.05
-    assert high.too_high == pytest.approx(0.4, abs=0.2)
-
-
 def test_a_body_in_inches_that_lies_down_stands_up_round_its_garment(tmp_path: Path, tshirt: Mesh) -> None:
     body = mannequin(SIZE_BODIES["M"])
     write_obj(tmp_path / "body.obj", body.points[:, [0, 2, 1]] * [1.0, -1.0, 1.0] / INCH, body.triangles)
@@ -129,3 +118,14 @@ def test_a_body_in_inches_that_lies_down_stands_up_round_its_garment(tmp_path: P
     assert outfit.avatar.points == pytest.approx(body.points, abs=1e-4)
     with pytest.raises(InputError, match="away from the avatar"):  # what is stated stays
         load_outfit(load_scene(garment, {"avatar.up": "y"}, on=tmp_path / "body.obj"))
+
+
+@pytest.mark.parametrize("lift", [-0.4, -0.15, 0.0, 0.15, 0.4])
+def test_a_garment_for_another_stature_is_measured_from_the_shoulders(
+    tshirt: Mesh, tmp_path: Path, lift: float
+) -> None:
+    (wearing,) = read(tmp_path, tshirt, lambda points: points + np.array([0.0, lift, 0.0])).wearing
+    assert wearing is not None
+    assert wearing.shift[1] == pytest.approx(-lift if abs(lift) > 0.3 else 0.0, abs=0.05)
+    assert wearing.too_high == pytest.approx(max(lift + wearing.shift[1], 0.0), abs=0.05)
+    assert wearing.drop(wearing.onto) == 0.0

@@ -15,8 +15,9 @@ import numpy as np
 from warp_cloth.anatomy.crossings import cone_crossings, surface_crossings
 from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.openings import ARMS, Limbs, Opening, limbs_for
-from warp_cloth.anatomy.shoulders import slipped_off
+from warp_cloth.anatomy.shoulders import height_over_shoulders, slipped_off
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, Skeleton
+from warp_cloth.anatomy.standing import moved_from_standing
 from warp_cloth.base.mesh import Indices, Points
 
 SLEEVED = tuple((arm,) for arm in ARMS)  # whom a sleeve is for
@@ -24,7 +25,7 @@ SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most wh
 FAR_TRUNK = 0.08  # of the body's span, from the middle of its openings: the trunk is not where its garment is
 FAR_WAIST = 0.25  # [m] above or below the waist: low trousers and high skirts begin nearer
 COVERED = 0.03  # [m] of a sleeve beyond the fingertips, or of a leg beyond the toes, that is too long
-FAR_SLEEVE = 0.3  # [m] above or below the shoulders: sleeves of any length begin nearer
+FAR_SHOULDERS = 0.3  # [m] above or below the shoulders, of what starts beside them: from nearer it falls onto them
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +97,19 @@ class Wearing:
     triangles: Indices
     skeleton: Skeleton
     start: Points  # where the garment starts [m], shape [V, 3]
+    followed: Points  # the same, moved with the trunk of a body that does not stand as the garment wants [m]
 
     @classmethod
     def of(cls, openings: tuple[Opening, ...], points: Points, triangles: Indices, skeleton: Skeleton) -> Wearing:
-        """``points`` are those that the garment starts at [m]."""
-        return cls(openings, tuple(limbs_for(openings, points, skeleton)), triangles, skeleton, points)
+        """``points`` are those that the garment starts at [m].
+
+        Where that is bad on a body that sits or bows, the garment is taken to be placed for one who stands.
+        """
+        placed = cls(openings, tuple(limbs_for(openings, points, skeleton)), triangles, skeleton, points, points)
+        followed = moved_from_standing(points, skeleton)
+        if followed is None or not placed.start_fault:
+            return placed
+        return cls(openings, tuple(limbs_for(openings, followed, skeleton)), triangles, skeleton, points, followed)
 
     @cached_property
     def start_fault(self) -> str:
@@ -109,7 +118,7 @@ class Wearing:
             return f"cloth starts on both sides of the {LIMBS[pierced[0]]}"
         if self.misplaced_at_start:
             return f"an opening starts beside the {LIMBS[self.misplaced_at_start[0].wanted[0]]}"
-        return ""
+        return "" if self.followed is self.start else "it starts where one who stands would wear it"
 
     def distances(self) -> dict[Limbs, Floats]:
         """The vertices' distances from each opening, by the limbs that it is for [m], each of shape [V]."""
@@ -117,7 +126,7 @@ class Wearing:
 
     @cached_property
     def misplaced_at_start(self) -> list[Misplaced]:
-        return self.misplaced(self.start)
+        return self.misplaced(self.followed)
 
     @property
     def hangs_from_waist(self) -> bool:
@@ -131,37 +140,39 @@ class Wearing:
 
     @cached_property
     def too_high(self) -> float:
-        """How far above its place on the body it starts, as for one who is taller, or stands [m]; 0: it does not."""
-        up = self.skeleton.up
-        pairs = zip(self.openings, self.limbs, strict=True)
-        sleeves = [float(self.start[opening.loop].mean(axis=0) @ up) for opening, limbs in pairs if limbs in SLEEVED]
-        above = float(np.mean(sleeves)) - float(self.skeleton.shoulders @ up) if sleeves else 0.0
-        return max(above, -float(self.shift @ up), 0.0)
+        """How far above the shoulders it is to start [m]; 0: it is not."""
+        return max(height_over_shoulders(self.limbs, self.onto, self.triangles, self.skeleton), 0.0)
 
     def drop(self, points: Points) -> float:
-        """How far the opening that starts highest has come down, with the garment at ``points`` [m]."""
+        """How far the opening that starts highest has come down from its place on the body, at ``points`` [m]."""
         up = self.skeleton.up
-        start = [float(self.start[opening.loop].mean(axis=0) @ up) for opening in self.openings]
+        start = [float(self.onto[opening.loop].mean(axis=0) @ up) for opening in self.openings]
         top = int(np.argmax(start))
         return start[top] - float(points[self.openings[top].loop].mean(axis=0) @ up)
 
     def sunk(self, points: Points) -> bool:
         """Whether a garment that hangs from the waist has slid down it, at ``points`` [m]."""
-        return self.hangs_from_waist and self.drop(points) - self.too_high > SUNK * self.skeleton.span
+        return self.hangs_from_waist and self.drop(points) > SUNK * self.skeleton.span
 
     def misplaced(self, points: Points) -> list[Misplaced]:
         """The openings that the wrong limbs pass through, with the garment at ``points`` [m]."""
         return misplaced_openings(self.openings, self.limbs, points, self.triangles, self.skeleton)
 
     @cached_property
+    def onto(self) -> Points:
+        """Where the garment is to start on the body [m], shape [V, 3]."""
+        return self.followed + self.shift
+
+    @cached_property
     def shift(self) -> Points:
         """What moves the garment onto the body that it starts beside [m], shape [3]; else 0.
 
         Across, so that the trunk passes through the middle of its openings, where it does not or is far from there; up
-        and down only where sleeves are far from the shoulders, or a waist is far from the body's and not round its
-        trunk, since where trousers or a dress begin is their designer's choice.
+        and down so that it lies on the shoulders, where it has any and is far from that; else
+        only where a waist is far from the body's and not round its trunk, since where trousers begin is their
+        designer's choice.
         """
-        skeleton, points = self.skeleton, self.start
+        skeleton, points = self.skeleton, self.followed
         wrong = {id(each.opening) for each in self.misplaced_at_start}
         pairs = list(zip(self.openings, self.limbs, strict=True))
         trunk = [opening for opening, limbs in pairs if len(limbs) > 1 or limbs == (HEAD,)]
@@ -170,9 +181,11 @@ class Wearing:
         is_wrong = any(id(opening) in wrong for opening in trunk)
         if is_wrong or float(np.linalg.norm(self.across)) > FAR_TRUNK * skeleton.span:
             shift = shift + self.across
-        if sleeves:
+        if above := height_over_shoulders(self.limbs, points + shift, self.triangles, skeleton):
+            shift = shift - skeleton.up * (above if abs(above) > FAR_SHOULDERS else 0.0)
+        elif sleeves:
             up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)
-            shift = shift + skeleton.up * (up if abs(up) > FAR_SLEEVE else 0.0)
+            shift = shift + skeleton.up * (up if abs(up) > FAR_SHOULDERS else 0.0)
         elif self.hangs_from_waist and is_wrong:
             heights = [float((points[opening.loop].mean(axis=0) - skeleton.middle) @ skeleton.up) for opening in trunk]
             up = -max(heights, default=0.0)
@@ -186,7 +199,7 @@ class Wearing:
         trunk = [opening for opening, limbs in pairs if len(limbs) > 1 or limbs == (HEAD,)]
         if not trunk:
             return np.zeros(3)
-        centres = np.array([self.start[opening.loop].mean(axis=0) for opening in trunk])
+        centres = np.array([self.followed[opening.loop].mean(axis=0) for opening in trunk])
         off = (skeleton.spine_at(centres) - centres).mean(axis=0)
         across: Points = off - skeleton.up * (off @ skeleton.up)
         return across
@@ -197,8 +210,7 @@ class Wearing:
 
     def off_shoulders(self, points: Points, body: Points) -> Limbs:
         """The arms whose shoulder the garment at ``points`` [m] has slipped off; ``body``: its vertices [m]."""
-        start = self.start + self.shift
-        return slipped_off(self.limbs, start, points, self.triangles, body, self.skeleton)
+        return slipped_off(self.limbs, self.onto, points, self.triangles, body, self.skeleton)
 
     def pierced(self, points: Points) -> Limbs:
         """The limbs that the cloth at ``points`` [m] runs through the middle of."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.openings import ARMS, Limbs
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, Skeleton, outward_of
 from warp_cloth.base.mesh import Indices, Points
@@ -22,6 +23,10 @@ ON_ARM = 1.25  # cloth that begins so far out lies on the arm, however that is r
 # A garment has slipped to one side where it begins so far out on that side, and so near the middle on the other one,
 # and began about alike.
 OUTSIDE, INSIDE, ALIKE = 0.95, 0.5, 0.25
+# Panels start with their shoulder seams a little below the skin, since these are drawn straight: 1 to 4 cm.
+SEAM = 0.025  # [m]
+ACROSS = np.linspace(0.5, 0.9, 9)  # from the middle, over that of the root: where it is measured
+LOW = 0.3  # [m] below the skin: cloth so far down is no shoulder's
 
 
 @dataclass(frozen=True)
@@ -37,8 +42,6 @@ def slipped_off(
 ) -> tuple[int, ...]:
     """The arms whose shoulder a garment has slipped off, though it lay over it as it started.
 
-    Only arms with an opening of their own, beside one for the head: other garments need not lie on a shoulder.
-
     Args:
         limbs: whom each opening is for.
         start: its points where it started, moved onto the body [m], shape [V, 3].
@@ -47,7 +50,7 @@ def slipped_off(
         body: vertices of the body [m], shape [B, 3].
         skeleton: of the body.
     """
-    arms = [arm for arm in ARMS if (arm,) in limbs and any(HEAD in each and arm not in each for each in limbs)]
+    arms = _with_shoulders(limbs)
     sides = {arm: _Side(skeleton, arm) for arm in arms}
     begun, now = ({arm: side.cover(points, triangles) for arm, side in sides.items()} for points in (start, worn))
     top = {arm: side.skin_top(body) for arm, side in sides.items()}
@@ -59,6 +62,26 @@ def slipped_off(
     return tuple(slipped)
 
 
+def height_over_shoulders(limbs: Sequence[Limbs], points: Points, triangles: Indices, skeleton: Skeleton) -> float:
+    """How much higher a garment of panels starts than on one whose shoulders it fits [m]; 0: it has no shoulders.
+
+    Measured where its cloth is nearest above the skin, as collars and hoods stand up; ``points`` [m], shape [V, 3].
+    """
+    heights = []
+    for arm in _with_shoulders(limbs):
+        side = _Side(skeleton, arm)
+        gaps = side.tops(points, triangles) - side.skin_tops(skeleton.skin)
+        gaps = gaps[gaps * side.width > -LOW]  # also not where there is none, nan
+        if len(gaps):
+            heights.append(float(gaps.min()) * side.width + SEAM)
+    return sum(heights) / len(heights) if heights else 0.0
+
+
+def _with_shoulders(limbs: Sequence[Limbs]) -> list[int]:
+    """The arms with an opening of their own, beside one for the head: other garments need not lie on a shoulder."""
+    return [arm for arm in ARMS if (arm,) in limbs and any(HEAD in each and arm not in each for each in limbs)]
+
+
 class _Side:
     """Coordinates about the root of one arm: outwards from the middle, up and forward from the root."""
 
@@ -66,8 +89,8 @@ class _Side:
         self._middle = skeleton.middle
         root = skeleton.curves[arm][skeleton.joints[arm]] - self._middle
         out = outward_of(skeleton, arm)
-        width = max(float(root @ out), 1e-6)
-        self._axes = np.stack([out, skeleton.up, skeleton.forward], axis=1) / width
+        self.width = max(float(root @ out), 1e-6)  # of the root from the middle [m]; the unit of all coordinates
+        self._axes = np.stack([out, skeleton.up, skeleton.forward], axis=1) / self.width
         self._root = root @ self._axes * (0.0, 1.0, 1.0)
 
     def cover(self, points: Points, triangles: Indices) -> Cover:
@@ -83,3 +106,23 @@ class _Side:
         here = (body - self._middle) @ self._axes - self._root
         is_near = (here[:, 0] > EDGE[0]) & (here[:, 0] < EDGE[1]) & (np.abs(here[:, 2]) < NEAR_PLANE)
         return float(here[is_near, 1].max(initial=-np.inf))
+
+    def tops(self, points: Points, triangles: Indices) -> Floats:
+        """The highest cloth at each of ACROSS, in the frontal plane through the root; nan: there is none."""
+        here = (points - self._middle) @ self._axes - self._root
+        ends = section_at(here[:, 2], here[:, :2], triangles).ends
+        across, up = ends[:, :, 0], ends[:, :, 1]
+        spans = across[:, 1] - across[:, 0]
+        along = (ACROSS[:, None] - across[:, 0]) / np.where(spans == 0.0, np.inf, spans)
+        heights = np.where(
+            (along >= 0.0) & (along <= 1.0) & (spans != 0.0), up[:, 0] + along * (up[:, 1] - up[:, 0]), -np.inf
+        )
+        found = heights.max(axis=1, initial=-np.inf)
+        return np.where(np.isfinite(found), found, np.nan)
+
+    def skin_tops(self, body: Points) -> Floats:
+        """How high the skin reaches at each of ACROSS."""
+        here = (body - self._middle) @ self._axes - self._root
+        near = here[np.abs(here[:, 2]) < NEAR_PLANE]
+        width = ACROSS[1] - ACROSS[0]
+        return np.array([near[np.abs(near[:, 0] - place) < width, 1].max(initial=-np.inf) for place in ACROSS])

@@ -53,6 +53,7 @@ class Skeleton:
     forward: Points
     left: Points
     span: float  # [m]
+    skin: Points  # vertices of the body [m], shape [V, 3]
     limb: NDArray[np.int8]  # number of each vertex's limb, or TRUNK, shape [V]
     station: Floats  # where it is along its limb's curve, 0 to 1, shape [V]
 
@@ -139,7 +140,7 @@ def without_loose_parts(body: Mesh, skeleton: Skeleton) -> tuple[Mesh, Skeleton]
     main = _largest_part(graph, _vertex_areas(body.points, body.triangles))
     number = np.cumsum(main) - 1
     triangles = number[body.triangles[main[body.triangles[:, 0]]]].astype(np.int32)
-    limbs = replace(skeleton, limb=skeleton.limb[main], station=skeleton.station[main])
+    limbs = replace(skeleton, skin=body.points[main], limb=skeleton.limb[main], station=skeleton.station[main])
     return Mesh(body.name, body.points[main], triangles), limbs
 
 
@@ -262,7 +263,7 @@ def _joined(
         own = limb == number
         stations = along[joints[number] :][::-1] / along[-1]  # from the tip inwards, as the levels are
         station[own] = np.interp(each.distances[own], each.levels, stations)
-    return Skeleton(curves, joints, spine, up, forward, left, span, limb, station)
+    return Skeleton(curves, joints, spine, up, forward, left, span, points, limb, station)
 
 
 def _unlike_a_person(curves: Sequence[Points], limbs: list[_Limb], left: Points, span: float) -> str:

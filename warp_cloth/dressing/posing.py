@@ -9,13 +9,16 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.openings import ARMS, LEGS
-from warp_cloth.anatomy.skeleton import TRUNK, Skeleton
+from warp_cloth.anatomy.skeleton import TRUNK, Skeleton, outward_of
 from warp_cloth.base.curves import arc_lengths, resampled
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.dressing.routes import smoothed
 
 STATIONS = 60  # along each curve
 SMOOTHING = 3  # times that tangents are smoothed
+ARMS_AWAY = np.radians(
+    42.0
+)  # from down, of upper arms that come home last: sleeveless cloth lies on the shoulders then
 ROOT = 20  # points along the part of a limb's curve that leads from the spine to its joint
 
 
@@ -65,9 +68,30 @@ class PosedBody:
         found: Points = base + offset * np.minimum(1.0, thickness / np.maximum(length, 1e-9))
         return found
 
-    def between(self, curves: Sequence[Points], fraction: float) -> list[Points]:
-        """The curves between home, 0, and these, 1: directions and lengths of their segments in between."""
-        return [_between(home, curve, fraction) for home, curve in zip(self.home, curves, strict=True)]
+    @property
+    def arms_away(self) -> list[Points] | None:
+        """The curves at home, but with arms that hang raised to ARMS_AWAY from down; None: none hang."""
+        skeleton, curves, hang = self._skeleton, list(self.home), False
+        for arm in ARMS:
+            curve, joint = skeleton.curves[arm], skeleton.joints[arm]
+            upper = curve[joint : joint + (len(curve) - joint) // 2]
+            way, outward = upper[-1] - upper[0], outward_of(skeleton, arm)
+            turn = ARMS_AWAY - float(np.arctan2(way @ outward, -way @ skeleton.up))
+            if not 0.0 < turn < 2.0 * ARMS_AWAY:  # a raised arm may lie beyond the vertical, seen from the front
+                continue
+            hang = True
+            off = curve[joint:] - curve[joint]
+            across, along = off @ outward, off @ skeleton.up
+            aside = (np.cos(turn) - 1.0) * across - np.sin(turn) * along
+            above = np.sin(turn) * across + (np.cos(turn) - 1.0) * along
+            raised = curve[joint:] + aside[:, None] * outward + above[:, None] * skeleton.up
+            curves[arm] = resampled(smoothed(np.vstack([curve[:joint], raised]), 2), STATIONS)
+        return curves if hang else None
+
+    @staticmethod
+    def between(first: Sequence[Points], last: Sequence[Points], fraction: float) -> list[Points]:
+        """The curves between two sets of them, 0 and 1: directions and lengths of their segments in between."""
+        return [_between(*pair, fraction) for pair in zip(first, last, strict=True)]
 
 
 def _between(home: Points, posed: Points, fraction: float) -> Points:

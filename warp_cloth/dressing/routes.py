@@ -20,10 +20,11 @@ CLEAR = 0.12  # [m] between an arm out of its sleeve and other cloth, if it can 
 TURNS = np.radians(np.arange(0.0, 181.0, 10.0))
 SIDEWAYS = 0.3  # least sideways part of the direction in which an arm leaves its sleeve
 STRAIGHT = 0.5  # least cosine between down and the end of a way, at which a leg goes on along it
+DOWN = 0.93  # least cosine between down and a leg of who stands: 18 degrees with their toes ahead; 34 in who walks
 SPACING = 0.02  # [m] between points of a curve
 SMOOTHING = 6  # times that a way over cells is smoothed
 ARMHOLE = 0.15  # [m] from the shoulder, within which the opening of an arm without a sleeve begins
-SLEEVE = 0.03  # [m] out from the shoulder, from where on an opening has a sleeve
+SLEEVE = 0.03  # [m] out from the shoulder, within which an armhole begins, however far out a wide one reaches
 TAIL = 0.1  # [m] of a way's end that tells where it points
 
 
@@ -58,6 +59,10 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
     for arm in ARMS:
         if routes[arm] is None:
             routes[arm] = _raised(arm, skeleton, space)
+    if LEGS in wearing.limbs:
+        for leg in LEGS:
+            if routes[leg] is None:
+                routes[leg] = _lowered(leg, skeleton)
     return routes
 
 
@@ -80,10 +85,10 @@ def _through(way: Points, limb: int, loop: Points, skeleton: Skeleton, space: Fr
 
 
 def _is_armhole(loop: Points, arm: int, skeleton: Skeleton) -> bool:
-    """Whether an arm's opening, its vertices at ``loop`` [m], has no sleeve: at the shoulder, not farther out."""
+    """Whether an arm's opening, its vertices at ``loop`` [m], has no sleeve: it begins at the shoulder."""
     joint = skeleton.curves[arm][skeleton.joints[arm]]
     is_near = float(np.linalg.norm(loop - joint, axis=1).min()) < ARMHOLE
-    return is_near and float((loop.mean(axis=0) - joint) @ outward_of(skeleton, arm)) < SLEEVE
+    return is_near and float(((loop - joint) @ outward_of(skeleton, arm)).min()) < SLEEVE
 
 
 def _raised(arm: int, skeleton: Skeleton, space: FreeSpace) -> Route | None:
@@ -94,6 +99,17 @@ def _raised(arm: int, skeleton: Skeleton, space: FreeSpace) -> Route | None:
     length = float(arc_lengths(curve[joint:])[-1])
     direction, turned = _turned_up(curve[joint], curve[-1] - curve[joint], length, arm, skeleton, space)
     return Route(smoothed(_onward(curve[: joint + 1], direction, length), SMOOTHING), turned)
+
+
+def _lowered(leg: int, skeleton: Skeleton) -> Route | None:
+    """A leg in a skirt, straight down, since panels before and behind it are sewn there; None: it is so."""
+    curve, joint = skeleton.curves[leg], skeleton.joints[leg]
+    legs_down = [skeleton.curves[each][-1] - skeleton.curves[each][skeleton.joints[each]] for each in LEGS]
+    cosines = [float(way @ -skeleton.up) / max(float(np.linalg.norm(way)), 1e-9) for way in legs_down]
+    if min(cosines) > DOWN:
+        return None
+    length = float(arc_lengths(curve[joint:])[-1])
+    return Route(smoothed(_onward(curve[: joint + 1], -skeleton.up, length), SMOOTHING), 0.0)
 
 
 def _onward(curve: Points, direction: Points, length: float) -> Points:

@@ -55,6 +55,7 @@ CHECK = 100  # iterations between looks at the seams, or at what falls
 SEWN = 0.2  # strain of the edges of seams that have closed
 STEPS = 24  # from there home
 POSED_FOR = 0.5  # fraction of the steps after which all limbs are home; then they only grow
+HANGING_STEPS = 8  # further ones, in which arms come down to the trunk
 GROWTH = 2.0  # exponent of the thickness over the steps: slow while limbs move
 GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
 HEAVY = 3000.0  # weight of cloth that falls, over that of sewn cloth: 10 kg/m2 stretches by less than 1 %
@@ -133,9 +134,14 @@ def _sewn_and_carried(
         dressing.fall()
         dressing.carry_home(STEPS - GROWING_STEPS, is_grown=True)
     else:
+        if dressing.could_slide:
+            dressing.grow(GROWING_STEPS)
         if dressing.in_the_way:
             dressing.fall()
-        dressing.carry_home(STEPS)
+        if dressing.could_slide:
+            dressing.carry_home(STEPS - GROWING_STEPS, is_grown=True)
+        else:
+            dressing.carry_home(STEPS)
     return dressing.ended()
 
 
@@ -149,9 +155,12 @@ class _Dressing:
         self.wearing, self._avatar, self._device = wearing, avatar, device
         sewing = _sewing_scene(scene, offset)
         (garment,) = garments_in(sewing, outfit.meshes)
-        garment = replace(garment, points=skirt_closed(wearing, garment.points + wearing.shift))
+        garment = replace(garment, points=skirt_closed(wearing, wearing.onto))
         self._body = PosedBody(avatar, wearing.skeleton)
-        self._posed = curves_of(limb_routes(wearing, garment.points), wearing.skeleton, STATIONS)
+        routes = limb_routes(wearing, garment.points)
+        self._has_armholes = any(route is not None and route.armhole is not None for route in routes)
+        self._posed = curves_of(routes, wearing.skeleton, STATIONS)
+        self._away = self._body.arms_away
         self._surface = self._body.points(self._posed, THIN)
         sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
@@ -177,6 +186,11 @@ class _Dressing:
         points, home = self._points, self._body.home
         return any(curve_crossings(points, far, home[arm]) > 0 for arm, far in zip(ARMS, self._no_sleeves, strict=True))
 
+    @property
+    def could_slide(self) -> bool:
+        """Whether straps would slide off thin shoulders as arms come down to the trunk."""
+        return self._has_armholes and self._away is not None
+
     def sew(self) -> None:
         """Relaxes until the seams have closed and nothing crosses.
 
@@ -193,7 +207,7 @@ class _Dressing:
         Seams that close draw a wide skirt together, and what falls is too heavy for a waist to hold.
         """
         up, points = self.wearing.skeleton.up, self._points
-        self._problem.model.set_points(points + (self.wearing.drop(points) + self.wearing.shift @ up) * up)
+        self._problem.model.set_points(points + self.wearing.drop(points) * up)
         self._meet_body()
 
     def fall(self) -> None:
@@ -217,18 +231,23 @@ class _Dressing:
             self._take(1.0, _thickness(step / steps))
 
     def carry_home(self, steps: int, *, is_grown: bool = False) -> None:
-        """Takes the body home, growing if it has not grown yet, in steps of a burst each."""
+        """Takes the body home, growing if it has not grown yet, in steps of a burst each; arms that hang come last."""
         for step in range(1, steps):
             done = step / steps
             if is_grown:
                 self._take(1.0 - done, THICK)
             else:
                 self._take(max(1.0 - done / POSED_FOR, 0.0), _thickness(done))
+        if self._away is not None:
+            for step in range(HANGING_STEPS):
+                curves = self._body.between(self._body.home, self._away, 1.0 - step / HANGING_STEPS)
+                self._follow(self._body.points(curves, THICK))
         self._follow(self._avatar.points)
 
     def _take(self, posed: float, thickness: float) -> None:
-        """Moves the body between home, 0, and its pose, 1; ``thickness`` [m]."""
-        self._follow(self._body.points(self._body.between(self._posed, posed), thickness))
+        """Moves the body between home, 0, with its arms away from the trunk, and its pose, 1; ``thickness`` [m]."""
+        home = self._body.home if self._away is None else self._away
+        self._follow(self._body.points(self._body.between(home, self._posed, posed), thickness))
 
     def _follow(self, surface: Points) -> None:
         """Moves the body's vertices there [m], and the cloth with them."""

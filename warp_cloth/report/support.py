@@ -104,12 +104,12 @@ def slid_down(judged: Judged) -> FitProblem | None:
     openings = [] if overlap is None else [each for each in overlap.openings if each.garment == judged.index]
     if body is None or not openings:
         return None
-    (floor, top), start = (float(corner[1]) for corner in body.bounds()), judged.garment.points[:, 1]
-    height = top - floor
+    wearing = judged.of.outfit.wearing[judged.index]
+    (floor, top) = (float(corner[1]) for corner in body.bounds())
+    start, height = (judged.garment.points if wearing is None else wearing.onto)[:, 1], top - floor
     highest = max(openings, key=lambda opening: float(start[opening.vertices].mean()))
     began, ended = (float(place[highest.vertices].mean()) for place in (start, judged.points[:, 1]))
     limit = height * (FOLDED if began - floor > NECK * height else SLID)
-    wearing = judged.of.outfit.wearing[judged.index]
     began -= 0.0 if wearing is None else wearing.too_high
     if not began - ended > limit:
         return None
