@@ -16,17 +16,8 @@ from warp_cloth.fitting import attempts
 from warp_cloth.fitting.problem import Problem, build_problem
 from warp_cloth.fitting.warm_start import start_from
 from warp_cloth.garment.outfit import Outfit, load_outfit
-from warp_cloth.model.attempt import (
-    FEW_CROSSINGS,
-    MOST_ITERATIONS,
-    SLIDES,
-    Attempt,
-    CutShort,
-    Ended,
-    Patience,
-    first_attempt,
-    next_attempt,
-)
+from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience
+from warp_cloth.model.next_attempt import FEW_CROSSINGS, MOST_ITERATIONS, SLIDES, first_attempt, next_attempt
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Measurement, Tolerance

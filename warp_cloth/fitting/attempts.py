@@ -19,7 +19,8 @@ from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.fitting.placement import LimbPlacement
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.model.attempt import TORN, Attempt, Ended, next_attempt
+from warp_cloth.model.attempt import TORN, Attempt, Ended
+from warp_cloth.model.next_attempt import next_attempt
 from warp_cloth.model.result import AttemptRun, LevelRun, Status
 from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.loop import Outcome, relax_items

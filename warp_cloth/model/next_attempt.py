@@ -1,0 +1,325 @@
+"""Which attempt at a fit is made first, and which one follows where one has not ended well.
+
+What a scene leaves to the program ("auto", no limit of iterations) is decided from its garments first, and then from
+how attempts have ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from warp_cloth.base.choice import Choice
+from warp_cloth.garment.outfit import Outfit
+from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience
+from warp_cloth.model.result import Status
+from warp_cloth.scene import Scene
+
+# Iterations of an attempt at most, the same on every machine. Of 81 random designs that came to rest with cloth on
+# cloth the slowest took 75,000; wide skirts whose folds lie on each other take longer.
+MOST_ITERATIONS = 200_000
+# The same of the multilevel method between others: of 20 designs those that it brought to rest took 9,200 at most.
+LEVELS_ITERATIONS = 10_000
+# Crossing pairs of triangles per vertex up to which cloth relaxed without contact is worth untangling: of 20 random
+# designs with 0.01 to 0.07 all but one came apart, with 0.1 or more none.
+FEW_CROSSINGS = 0.08
+
+# Per-vertex and implicit steps by turns, where cloth that meets cloth still falls: implicit ones let it fall as a
+# whole, and per-vertex ones settle it for less (an iteration takes an eighth as long on a GPU, half on the CPU). Most
+# garments rest by per-vertex ones within FALLING. Of 37 loose designs 16 rested within LEVELLING implicit ones, and
+# the others mostly sooner by per-vertex ones from there; by implicit ones alone one took 124,000.
+FALLING, LEVELLING, SETTLING = 6000, 4000, 15_000
+MOST_LEVELLINGS = 2
+
+MOST_PADDINGS = 3  # of the avatar under faces that it shows through
+OFFSET_KEY = "collision.offset_mm"
+METHOD_KEY = "solver.method"
+WHY_SETTLING = "the multilevel method has let it fall as a whole"
+
+# Iterations in which torn cloth slides over the avatar without friction: in steps until it is whole, as straps slide
+# off shoulders, too; where that ends badly, once for long.
+SLIDES = (250, 250, 500, 1_000, 2_000)
+
+
+def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Attempt:
+    """What a scene is fitted with first; ``may_pose``: with the avatar posed, where the garments start badly on it."""
+    are_panels = all(garment.rest.source.kind == "uv" for garment in outfit.garments)
+    if may_pose and are_panels and _may_pose(scene, outfit):
+        fault = next((each.start_fault for each in outfit.wearing if each is not None and each.start_fault), "")
+        if fault:
+            return _posed(scene, outfit, fault, last=not _may_have_levels(scene))
+    touches, why = _first_contact(scene, outfit)
+    stated = scene.solver.method
+    method = "accelerated" if stated == "auto" else stated
+    return _attempt(
+        scene, method, touches, why, "its iterations are the cheapest", None, last=not _may_have_levels(scene)
+    )
+
+
+def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
+    """What a scene is fitted with after these attempts; None: all is well, or there is nothing else to try.
+
+    Cloth that crosses is relaxed again with contact. Cloth that is torn or tangled round a limb is sewn again, round
+    the avatar as it is posed within the garment, and so is what slid down or slipped off the shoulders. Where the
+    avatar shows through faces, it is padded under them. Cloth that does not come to rest is relaxed by the multilevel
+    method without contact, which sews and lets fall as a whole; where that leaves few crossings they are then undone,
+    and where it leaves many the attempt with contact goes on.
+    """
+    ended = history[-1]
+    attempt, stated = ended.attempt, ended.attempt.stated
+    if ended.good or ended.status is Status.DIVERGED or stated.solver.start == "dressed":
+        return None
+    if stated.solver.iterations is not None and ended.status is not Status.AT_REST and ended.cut_short is None:
+        return None  # as many iterations as the scene wants
+    if ended.cut_short is CutShort.SLOW:
+        return _turned(history)
+    if attempt.slides:
+        return _slid(history)
+    return _usual_attempt(history, outfit) or _last_resort(history, outfit)
+
+
+def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
+    """What mostly helps; of attempts that were the last resort only what follows the one that was lifted."""
+    first = next((n for n, each in enumerate(history) if each.attempt.lifted), 0)
+    ended, own = history[-1], history[first:]
+    attempt, stated = ended.attempt, ended.attempt.stated
+    is_late = first > 0 or any(each.attempt.slides for each in history)
+    posed_next = _may_pose(stated, outfit) and not any(each.attempt.posed for each in history)
+    levels_next = _may_have_levels(stated) and not any(each.attempt.has_levels for each in own)
+    if posed_next and (ended.torn or ended.misplaced or (ended.cut_short is CutShort.CROSSING and attempt.touches)):
+        return _posed(stated, outfit, "cloth was torn or tangled round a limb", last=not levels_next)
+    if posed_next and ended.sunk:
+        return _posed(stated, outfit, "it slid down from the waist", last=not levels_next)
+    if posed_next and ended.slipped:
+        return _posed(stated, outfit, "it slipped off the shoulders", last=not levels_next)
+    if ended.well:
+        may_pad = _may_pad(stated) and attempt.paddings < MOST_PADDINGS
+        return _padded(ended, len(history) - 1) if ended.shown and may_pad else None
+    if is_late and (not first or _last_posed(own) is None):
+        return None
+    may_touch = stated.collision.cloth is not False
+    if attempt.touches:
+        return _levels(stated, history, _last_posed(history)) if levels_next else None
+    if may_touch and (ended.crossings or (attempt.has_levels and len(own) > 1)):
+        if ended.torn and attempt.has_levels and own[0].status is Status.AT_REST:
+            return None
+        begins_after = _untangling_start(history, first)
+        if begins_after is None and any(each.attempt.touches for each in own):
+            return None
+        why = "cloth crossed without it"
+        method = "direct" if stated.solver.method == "direct" else "accelerated"
+        untangled = _attempt(stated, method, True, why, "contact is per vertex", begins_after, last=not levels_next)
+        return _on_padded(untangled, history)
+    still_open = ended.torn or ended.misplaced or ended.status is not Status.AT_REST
+    return _levels(stated, history, _last_posed(history)) if levels_next and still_open else None
+
+
+def _may_pad(stated: Scene) -> bool:
+    return "offset_mm" not in stated.collision.model_fields_set
+
+
+def _last_resort(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
+    """What is tried where all else ended badly: cloth tugged into place, then another way of sewing it."""
+    best, stated = max(history, key=lambda each: each.rank), history[0].attempt.stated
+    if best.good or stated.solver.iterations is not None or stated.solver.method != "auto":
+        return None
+    torn = [each for each in history if each.torn and each.ended_placed]
+    slid = max(each.attempt.slides for each in history)
+    if torn and stated.avatar is not None and slid < len(SLIDES):
+        most = max(torn, key=lambda each: each.rank)
+        return _sliding(most.attempt, history.index(most), len(SLIDES) if slid else 1)
+    may_lift = any(wearing is not None and not wearing.hangs_from_waist for wearing in outfit.wearing)
+    is_torn = best.torn > 0 or best.misplaced
+    posed = [each.attempt for each in history if each.attempt.posed]
+    if is_torn and may_lift and posed and not any(attempt.lifted for attempt in posed):
+        return replace(_posed(stated, outfit, "it was torn as it hung on the avatar", last=False), lifted=True)
+    return None
+
+
+def _sliding(before: Attempt, number: int, slides: int) -> Attempt:
+    """One that slides over the avatar from where an attempt left it, as its wearer would tug it into place."""
+    before = _settling(before)
+    scene = before.scene
+    if scene.avatar is None:
+        raise ValueError("there is no avatar to slide over")
+    sliding = scene.model_copy(
+        update={
+            "avatar": scene.avatar.model_copy(update={"friction": 0.0}),
+            "solver": scene.solver.model_copy(update={"iterations": SLIDES[slides - 1]}),
+        }
+    )
+    others = tuple(choice for choice in before.choices if choice.key != "solver.start")
+    why = "friction held cloth where it was torn, so it slid into place without"
+    return replace(
+        before,
+        scene=sliding,
+        choices=(*others, Choice("solver.start", "slid into place", why)),
+        begins_after=number,
+        patience=Patience.NONE,
+        posed=False,
+        slides=slides,
+    )
+
+
+def _slid(history: Sequence[Ended]) -> Attempt:
+    """What follows one that slid: the same farther while cloth is torn, then the scene's own friction."""
+    ended, number = history[-1], len(history) - 1
+    slides = ended.attempt.slides
+    if ended.torn and slides < len(SLIDES) - 1:
+        return _sliding(ended.attempt, number, slides + 1)
+    first = history[number if slides == len(SLIDES) else number - slides + 1].attempt
+    own = history[first.begins_after or 0].attempt.scene
+    return _settling(replace(ended.attempt, scene=own, begins_after=number, patience=Patience.LONG, slides=0))
+
+
+def _last_posed(history: Sequence[Ended]) -> int | None:
+    """The attempt with the avatar posed, if it put every limb into its opening."""
+    good = [n for n, each in enumerate(history) if each.attempt.posed and not (each.torn or each.misplaced)]
+    return good[-1] if good else None
+
+
+def _untangling_start(history: Sequence[Ended], first: int) -> int | None:
+    """The attempt from whose shape one with contact starts; None: as the garments are placed."""
+    ended = history[-1]
+    if ended.attempt.has_levels:
+        if ended.crossings <= FEW_CROSSINGS * ended.vertices and not ended.torn:
+            return len(history) - 1
+        for number, each in reversed(list(enumerate(history[first:], first))):
+            if each.attempt.touches and each.crossings <= FEW_CROSSINGS * each.vertices and not each.torn:
+                return number
+    return None
+
+
+def _may_have_levels(stated: Scene) -> bool:
+    """Whether the program may choose the multilevel method."""
+    has_poses = stated.avatar is not None and bool(stated.avatar.poses)
+    is_open = stated.solver.method == "auto" and stated.solver.iterations is None
+    return is_open and stated.solver.start != "dressed" and not has_poses
+
+
+def _may_pose(stated: Scene, outfit: Outfit) -> bool:
+    """Whether the avatar may be posed within the garments: all free of pins, and with openings for limbs."""
+    if stated.solver.start != "auto" or stated.solver.method == "direct" or not outfit.wearing:
+        return False
+    pairs = zip(outfit.garments, outfit.wearing, strict=True)
+    return all(wearing is not None and not len(garment.pins) for garment, wearing in pairs)
+
+
+def _first_contact(scene: Scene, outfit: Outfit) -> tuple[bool, str]:
+    """Whether cloth meets cloth from the start, and why."""
+    stated = scene.collision.cloth
+    if stated != "auto":
+        return bool(stated), ""
+    if scene.solver.start == "dressed":
+        return False, "a dressed start has none"
+    if scene.solver.method in ("multilevel", "direct"):
+        return False, f'solver.method = "{scene.solver.method}" begins without it'
+    if len(outfit.garments) > 1:
+        return True, f"{len(outfit.garments)} garments touch each other"
+    if outfit.garments[0].rest.source.kind == "uv":
+        return True, "panels touch as they are sewn"
+    return False, "nothing crosses"
+
+
+def _levels(stated: Scene, history: Sequence[Ended], begins_after: int | None) -> Attempt:
+    why = "the accelerated method ended torn, or made no more progress"
+    attempt = _attempt(stated, "multilevel", False, "nothing crosses", why, begins_after, last=False)
+    return _on_padded(attempt, history)
+
+
+def _on_padded(attempt: Attempt, history: Sequence[Ended]) -> Attempt:
+    """The attempt with the avatar padded as that from which it starts, and where it showed through there."""
+    if attempt.begins_after is None:
+        return attempt
+    before = history[attempt.begins_after]
+    paddings = before.attempt.paddings
+    if before.shown and not (before.torn or before.misplaced) and _may_pad(attempt.stated) and paddings < MOST_PADDINGS:
+        paddings += 1
+    return _with_paddings(attempt, paddings)
+
+
+def _posed(stated: Scene, outfit: Outfit, why: str, *, last: bool) -> Attempt:
+    touches, why_contact = _first_contact(stated, outfit)
+    if stated.collision.cloth == "auto" and not touches:
+        touches, why_contact = True, "the avatar moves within the garment"
+    method = "accelerated" if stated.solver.method == "auto" else stated.solver.method
+    attempt = _attempt(stated, method, touches, why_contact, "its iterations are the cheapest", None, last=last)
+    return replace(attempt, posed=True, choices=(*attempt.choices, Choice("solver.start", "posed", why)))
+
+
+def _turned(history: Sequence[Ended]) -> Attempt:
+    """The same attempt, from where it ended, by the other kind of steps."""
+    before = replace(history[-1].attempt, begins_after=len(history) - 1, patience=Patience.LONG)
+    levelled = sum(each.attempt.levels_contact for each in history)
+    if before.levels_contact:
+        turn_after = SETTLING if levelled < MOST_LEVELLINGS else None
+        method, why = "accelerated", WHY_SETTLING
+    else:
+        turn_after, method, why = LEVELLING, "multilevel", "loose cloth was still falling"
+    return replace(_by_method(before, method, why), turn_after=turn_after)
+
+
+def _settling(before: Attempt) -> Attempt:
+    """The same attempt by per-vertex steps alone, where the program chose both kinds."""
+    alone = replace(before, turn_after=None)
+    return _by_method(alone, "accelerated", WHY_SETTLING) if before.levels_contact else alone
+
+
+def _by_method(before: Attempt, method: str, why: str) -> Attempt:
+    """The same attempt by another method, which the program chose."""
+    others = [choice for choice in before.choices if choice.key != METHOD_KEY]
+    scene = _updated(before.scene, solver=_updated(before.scene.solver, method=method))
+    return replace(before, scene=scene, choices=(*others, Choice(METHOD_KEY, method, why)))
+
+
+def _padded(ended: Ended, number: int) -> Attempt:
+    """The same attempt, from where it ended, with the avatar padded where it shows through."""
+    before = _settling(ended.attempt)
+    return _with_paddings(replace(before, begins_after=number, posed=False), before.paddings + 1)
+
+
+def _with_paddings(attempt: Attempt, paddings: int) -> Attempt:
+    if not paddings:
+        return attempt
+    others = [choice for choice in attempt.choices if choice.key != OFFSET_KEY]
+    raised = Choice(OFFSET_KEY, "raised", "the body showed through large faces, and is padded under them")
+    return replace(attempt, paddings=paddings, choices=(*others, raised))
+
+
+def _attempt(
+    stated: Scene,
+    method: str,
+    touches: bool,
+    why_contact: str,
+    why_method: str,
+    begins_after: int | None,
+    *,
+    last: bool,
+) -> Attempt:
+    """An attempt with these decisions; those that the scene states are no choices."""
+    collision, solver = stated.collision, stated.solver
+    choices = []
+    if collision.cloth == "auto":
+        choices.append(Choice("collision.cloth", touches, why_contact))
+    if solver.method == "auto":
+        choices.append(Choice(METHOD_KEY, method, why_method))
+    limit = solver.iterations
+    if limit is None:
+        limit = LEVELS_ITERATIONS if method == "multilevel" and solver.method == "auto" else MOST_ITERATIONS
+    scene = _updated(
+        stated, collision=_updated(collision, cloth=touches), solver=_updated(solver, method=method, iterations=limit)
+    )
+    patience = Patience.NONE
+    if solver.iterations is None:
+        patience = Patience.LONG if last else Patience.SHORT
+    turn_after = FALLING if touches and method == "accelerated" and _may_have_levels(stated) else None
+    watches = collision.cloth == "auto" and not touches and method == "accelerated" and solver.start != "dressed"
+    return Attempt(scene, stated, tuple(choices), begins_after, patience, watches, turn_after)
+
+
+def _updated(table: Any, **values: Any) -> Any:
+    """The table itself where nothing changes, since caches may know it by identity."""
+    if all(getattr(table, name) == value for name, value in values.items()):
+        return table
+    return table.model_copy(update=values)
