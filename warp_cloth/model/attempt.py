@@ -73,7 +73,7 @@ class Attempt:
     turn_after: int | None = None  # iterations after which the other kind of steps goes on; None: never
     posed: bool = False  # whether it starts sewn round the avatar as it is posed within the garments
     paddings: int = 0  # how often the avatar has been padded where it showed through
-    slides: int = 0  # it slides over the avatar without friction, the how manieth time; 0: it does not
+    slides: int = 0  # which of SLIDES without friction over the avatar this is, from 1; 0: none
     lifted: bool = False  # whether a posed start lifts what is sewn to where it started, for it hangs on thin shoulders
 
     @property
@@ -182,7 +182,7 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
 
 
 def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
-    """What mostly helps; of attempts that were the last resort only what follows the one that was lifted."""
+    """What mostly helps; once the last resort is tried, only what follows a start that was lifted."""
     first = next((n for n, each in enumerate(history) if each.attempt.lifted), 0)
     ended, own = history[-1], history[first:]
     attempt, stated = ended.attempt, ended.attempt.stated
