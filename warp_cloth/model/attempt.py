@@ -44,7 +44,7 @@ class Attempt:
     turn_after: int | None = None  # iterations after which the other kind of steps goes on; None: never
     posed: bool = False  # whether it starts sewn round the avatar as it is posed within the garments
     paddings: int = 0  # how often the avatar has been padded where it showed through
-    slides: int = 0  # it slides over the avatar without friction, the how manieth time; 0: it does not
+    slides: int = 0  # which of SLIDES without friction over the avatar this is, from 1; 0: none
     lifted: bool = False  # whether a posed start lifts what is sewn to where it started, for it hangs on thin shoulders
 
     @property

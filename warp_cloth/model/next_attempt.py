@@ -80,7 +80,7 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
 
 
 def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
-    """What mostly helps; of attempts that were the last resort only what follows the one that was lifted."""
+    """What mostly helps; once the last resort is tried, only what follows a start that was lifted."""
     first = next((n for n, each in enumerate(history) if each.attempt.lifted), 0)
     ended, own = history[-1], history[first:]
     attempt, stated = ended.attempt, ended.attempt.stated
