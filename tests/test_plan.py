@@ -114,7 +114,8 @@ def test_shares_are_of_the_kernels_that_are_launched(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(timing, "SHORTEST_RUN", 0.01)
     made = ready("cotton", avatar={"shape": SPHERE})
     cost = footprint.footprint_of(made)
-    assert cost.launches == len(made.relaxation.kernels()) == len(cost.kernels)
+    always, seldom = len(made.relaxation.kernels()), len(made.relaxation.seldom_kernels())
+    assert always <= cost.launches <= len(cost.kernels) <= always + seldom
     assert sum(cost.fraction(kernel) for kernel in cost.kernels) == pytest.approx(1.0)
     assert sum(kernel.seconds for kernel in cost.kernels) == pytest.approx(cost.seconds)
     assert all(kernel.bytes > 0 and kernel.seconds > 0 and kernel.purpose for kernel in cost.kernels)
