@@ -16,9 +16,8 @@ from warp_cloth.dressing.routes import smoothed
 
 STATIONS = 60  # along each curve
 SMOOTHING = 3  # times that tangents are smoothed
-ARMS_AWAY = np.radians(
-    42.0
-)  # from down, of upper arms that come home last: sleeveless cloth lies on the shoulders then
+# From down, of upper arms that come home last: sleeveless cloth lies on the shoulders then.
+ARMS_AWAY = np.radians(42.0)
 ROOT = 20  # points along the part of a limb's curve that leads from the spine to its joint
 
 
