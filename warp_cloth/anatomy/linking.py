@@ -168,17 +168,15 @@ class Wearing:
         """What moves the garment onto the body that it starts beside [m], shape [3]; else 0.
 
         Across, so that the trunk passes through the middle of its openings, where it does not or is far from there; up
-        and down so that it lies on the shoulders, where it has any and is far from that; else
-        only where a waist is far from the body's and not round its trunk, since where trousers begin is their
-        designer's choice.
+        and down so that it lies on the shoulders, where it has any and is far from that; else only where a waist is far
+        from the body's and not round its trunk, since where trousers begin is their designer's choice.
         """
         skeleton, points = self.skeleton, self.followed
         wrong = {id(each.opening) for each in self.misplaced_at_start}
-        pairs = list(zip(self.openings, self.limbs, strict=True))
-        trunk = [opening for opening, limbs in pairs if len(limbs) > 1 or limbs == (HEAD,)]
+        pairs = zip(self.openings, self.limbs, strict=True)
         sleeves = [points[opening.loop].mean(axis=0) for opening, limbs in pairs if limbs in SLEEVED]
         shift = np.zeros(3)
-        is_wrong = any(id(opening) in wrong for opening in trunk)
+        is_wrong = any(id(opening) in wrong for opening in self._round_trunk)
         if is_wrong or float(np.linalg.norm(self.across)) > FAR_TRUNK * skeleton.span:
             shift = shift + self.across
         if above := height_over_shoulders(self.limbs, points + shift, self.triangles, skeleton):
@@ -187,19 +185,24 @@ class Wearing:
             up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)
             shift = shift + skeleton.up * (up if abs(up) > FAR_SHOULDERS else 0.0)
         elif self.hangs_from_waist and is_wrong:
-            heights = [float((points[opening.loop].mean(axis=0) - skeleton.middle) @ skeleton.up) for opening in trunk]
-            up = -max(heights, default=0.0)
+            middles = [points[opening.loop].mean(axis=0) for opening in self._round_trunk]
+            up = -max(float((middle - skeleton.middle) @ skeleton.up) for middle in middles)
             shift = shift + skeleton.up * (up if abs(up) > FAR_WAIST else 0.0)
         return shift
 
     @cached_property
+    def _round_trunk(self) -> list[Opening]:
+        """The openings that the trunk or the head passes through."""
+        pairs = zip(self.openings, self.limbs, strict=True)
+        return [opening for opening, limbs in pairs if len(limbs) > 1 or limbs == (HEAD,)]
+
+    @cached_property
     def across(self) -> Points:
         """The horizontal move of the garment that puts the middle of its openings round the trunk [m], shape [3]."""
-        skeleton, pairs = self.skeleton, zip(self.openings, self.limbs, strict=True)
-        trunk = [opening for opening, limbs in pairs if len(limbs) > 1 or limbs == (HEAD,)]
-        if not trunk:
+        skeleton = self.skeleton
+        if not self._round_trunk:
             return np.zeros(3)
-        centres = np.array([self.followed[opening.loop].mean(axis=0) for opening in trunk])
+        centres = np.array([self.followed[opening.loop].mean(axis=0) for opening in self._round_trunk])
         off = (skeleton.spine_at(centres) - centres).mean(axis=0)
         across: Points = off - skeleton.up * (off @ skeleton.up)
         return across

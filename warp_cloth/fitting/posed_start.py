@@ -129,19 +129,13 @@ def _sewn_and_carried(
     dressing.sew()
     if lifted or dressing.wearing.hangs_from_waist:
         dressing.lift()
-    if dressing.wearing.is_skirt:
+    is_skirt = dressing.wearing.is_skirt
+    grows_first = is_skirt or dressing.could_slide
+    if grows_first:
         dressing.grow(GROWING_STEPS)
+    if is_skirt or dressing.in_the_way:
         dressing.fall()
-        dressing.carry_home(STEPS - GROWING_STEPS, is_grown=True)
-    else:
-        if dressing.could_slide:
-            dressing.grow(GROWING_STEPS)
-        if dressing.in_the_way:
-            dressing.fall()
-        if dressing.could_slide:
-            dressing.carry_home(STEPS - GROWING_STEPS, is_grown=True)
-        else:
-            dressing.carry_home(STEPS)
+    dressing.carry_home(STEPS - GROWING_STEPS if grows_first else STEPS, is_grown=grows_first)
     return dressing.ended()
 
 

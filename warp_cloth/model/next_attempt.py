@@ -143,12 +143,8 @@ def _sliding(before: Attempt, number: int, slides: int) -> Attempt:
     scene = before.scene
     if scene.avatar is None:
         raise ValueError("there is no avatar to slide over")
-    sliding = scene.model_copy(
-        update={
-            "avatar": scene.avatar.model_copy(update={"friction": 0.0}),
-            "solver": scene.solver.model_copy(update={"iterations": SLIDES[slides - 1]}),
-        }
-    )
+    solver = _updated(scene.solver, iterations=SLIDES[slides - 1])
+    sliding = _updated(scene, avatar=_updated(scene.avatar, friction=0.0), solver=solver)
     others = tuple(choice for choice in before.choices if choice.key != "solver.start")
     why = "friction held cloth where it was torn, so it slid into place without"
     return replace(
