@@ -103,14 +103,18 @@ def commands(text: str) -> Iterator[list[str]]:
 
 
 def write_stand_in(path: Path) -> None:
-    """A small file of the kind that its name says: body.obj, body_pose.obj, shirt_S.obj, scene.toml, stage.usda."""
+    """A small file of the kind that its name says: body.obj, body_pose.obj, shirt_S.obj, scene.toml, results.csv."""
     kind, _, size = path.stem.partition("_")
+    path.parent.mkdir(exist_ok=True)
     if kind == "scene":
         path.write_text('[garment]\nmesh = "shirt_M.obj"\nrest = "uv"\n\n[avatar]\nmesh = "body.obj"\n')
         for name in ("shirt_M.obj", "body.obj"):
             write_stand_in(path.with_name(name))
     elif kind == "stage":
         _write_stage(path)
+    elif kind == "results":
+        rows = ("shirt-1,true,jersey,3.0,0.08", "shirt-2,true,jersey,5.0,0.05", "shirt-3,false,denim,1.0,0.2")
+        path.write_text("\n".join(["name,worn,garment.fabric,ease_chest_cm,strain_p99", *rows, ""]))
     elif kind in ("shirt", "tshirt", "jacket", "dress", "skirt"):
         _write_garment(path, size if size in ("S", "M", "L") else "M")
     else:

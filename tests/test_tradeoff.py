@@ -37,7 +37,7 @@ TREE = {
         "pin": {"box": [[-1, 1.39, -1], [1, 1.41, 1]]},
     },
     "avatar": {"shape": {"kind": "sphere", "radius": 0.15, "centre": [0, 1.15, -0.12], "edge_mm": 20}, "friction": 0},
-    "collision": {"pixel_mm": 4},
+    "collision": {"pixel_mm": 4, "offset_mm": 3},  # stated, as a study knows no padding of the avatar
     "solver": {"iterations": 1000},
 }
 
