@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
+import tempfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
-
-os.environ.setdefault("WARP_CLOTH_CACHE", "off")  # tests see what code does now, not what it did; test_disk_cache.py
 
 # Every property gets a few examples in the suite, the same ones on every run; --hypothesis-profile=fuzz looks for
 # new ones, $WARP_CLOTH_FUZZ of them (100,000 unless it says otherwise) for each property.
@@ -20,6 +21,13 @@ _COMMON = {"deadline": LONG_ENOUGH, "suppress_health_check": list(HealthCheck), 
 settings.register_profile("suite", max_examples=25, derandomize=True, database=None, **_COMMON)
 settings.register_profile("fuzz", max_examples=int(os.environ.get("WARP_CLOTH_FUZZ", "100000")), **_COMMON)
 settings.load_profile("suite")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Bodies, patterns and fields are made once for all tests, in a folder that begins empty: of no earlier code."""
+    if "WARP_CLOTH_CACHE" not in os.environ:  # workers of xdist inherit it
+        os.environ["WARP_CLOTH_CACHE"] = folder = tempfile.mkdtemp(prefix="warp_cloth-tests-")
+        config.add_cleanup(partial(shutil.rmtree, folder, ignore_errors=True))
 
 
 def pytest_sessionstart() -> None:

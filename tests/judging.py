@@ -16,7 +16,7 @@ from warp_cloth.model.result import Residual, Status
 from warp_cloth.report.problems import find_problems
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
-from warp_cloth.solver.loop import Outcome
+from warp_cloth.solver.goal import Outcome
 
 
 def loaded(values: dict[str, Any], start: Points | None = None) -> tuple[Scene, Outfit]:

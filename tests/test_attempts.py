@@ -21,12 +21,13 @@ from warp_cloth.model.next_attempt import FEW_CROSSINGS, MOST_ITERATIONS, SLIDES
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Measurement, Tolerance
-from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import relax_items
 from warp_cloth.solver.stall import STALL, StallWatch
 
 fit_module = import_module("warp_cloth.fitting.fit")  # the package has a function of that name
 SMALL_SHIRT = ["garment.shape.edge_mm=50"]
-DRAPED = ["garment.shape.vertices_per_side=25"]
+DRAPED = ["garment.shape.vertices_per_side=17"]
 VERTICES = 1000
 REST, LIMIT, LOST = Status.AT_REST, Status.ITERATION_LIMIT, Status.DIVERGED
 TWO_SHEETS: dict[str, Any] = {

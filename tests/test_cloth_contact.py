@@ -19,7 +19,8 @@ from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.contact_schedule import ContactSchedule
-from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import relax_items
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import StepOptions
 

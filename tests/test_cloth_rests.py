@@ -19,7 +19,8 @@ from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Tolerance
-from warp_cloth.solver.loop import Goal, relax_to_rest
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import relax_to_rest
 
 LIMIT = 8000  # iterations; they take 1,800 to 5,700 (the sheet 2,500 to 3,300 over balls that differ by 1 nm to 30 um)
 # The rim of what the avatar holds still rolls with the free folds as long as these settle: creep is told from that once

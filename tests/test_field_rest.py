@@ -7,7 +7,8 @@ import numpy as np
 import warp_cloth
 from warp_cloth.fitting.problem import collider_updates, load_problem
 from warp_cloth.solver.certificate.certifier import Measurement, Tolerance
-from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import relax_items
 
 # Felt is too stiff to choose between folds. Where softer cloth falls from one fold into another the residual leaps, at
 # other iterations by either collider, and by the exact one from starts that are a hundredth of a millimetre apart.

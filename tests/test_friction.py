@@ -12,7 +12,8 @@ from meshfiles import write_obj
 import warp_cloth
 from warp_cloth.fitting.problem import Problem, collider_updates, limit_of, load_problem, tolerance_of
 from warp_cloth.model.result import Status
-from warp_cloth.solver.loop import Goal, relax_to_rest
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import relax_to_rest
 
 WITHIN = 2.0  # [degrees] of the angle of friction, on either side
 HELD = 1e-3  # [m] that cloth which holds may move: it stretches under its own weight

@@ -18,10 +18,11 @@ from warp_cloth.model.attempt import CutShort
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.contact_schedule import ContactSchedule
+from warp_cloth.solver.goal import Goal
 from warp_cloth.solver.implicit.coarse_garments import build_hierarchy
 from warp_cloth.solver.implicit.contact_pairs import PressingPairs
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
-from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.solver.loop import relax_items
 from warp_cloth.solver.step_options import StepOptions, build_step
 
 SHIFT = 1e-7  # [m]; central differences of the forces

@@ -30,7 +30,8 @@ from warp_cloth.model.model import build_model
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.active_set import ActiveSet
-from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import relax_items
 
 ON_SPHERE = ["solver.iterations=330", "collision.pixel_mm=10"]
 HANGING = ["garment.shape.vertices_per_side=6", "solver.iterations=250"]

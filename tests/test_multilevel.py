@@ -24,10 +24,11 @@ from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.strains import edge_strains
+from warp_cloth.solver.goal import Goal, Outcome
 from warp_cloth.solver.implicit.coarse_garments import build_hierarchy
 from warp_cloth.solver.implicit.multilevel import CHECK_EVERY, PACE_BOUNDS, MultilevelRelaxation
 from warp_cloth.solver.implicit.options import ImplicitOptions, Pace
-from warp_cloth.solver.loop import Goal, Outcome, relax_to_rest
+from warp_cloth.solver.loop import relax_to_rest
 from warp_cloth.solver.reduction import launch_blocks, split_into_chunks
 from warp_cloth.solver.relax import TIGHTER
 from warp_cloth.solver.step_options import StepOptions

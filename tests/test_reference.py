@@ -20,8 +20,9 @@ from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import build_model
 from warp_cloth.model.result import Status
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
+from warp_cloth.solver.goal import Goal
 from warp_cloth.solver.implicit.multilevel import build_relaxation
-from warp_cloth.solver.loop import Goal, relax_to_rest
+from warp_cloth.solver.loop import relax_to_rest
 from warp_cloth.solver.step_options import Method, StepOptions
 
 APART = 1e-4  # [m, rms], what issue 3 asks of a garment that touches nothing

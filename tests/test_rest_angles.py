@@ -25,7 +25,8 @@ from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.strains import element_energies
 from warp_cloth.solver.forces import ForcePass
-from warp_cloth.solver.loop import Goal, relax_to_rest
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import relax_to_rest
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import StepOptions
 

@@ -47,8 +47,9 @@ from warp_cloth.fitting.problem import (
 )
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
+from warp_cloth.solver.goal import Goal
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
-from warp_cloth.solver.loop import Goal, relax_to_rest
+from warp_cloth.solver.loop import relax_to_rest
 
 WITHIN_MM = {"hanging": 0.1, "strip": 0.1, "ball": 0.5}  # rms
 WEIGHTS = 0.01  # rms, of contact-free scenes

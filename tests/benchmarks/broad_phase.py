@@ -39,7 +39,8 @@ from warp_cloth.kernels.contact.pairs import near_test_function
 from warp_cloth.kernels.contact.search import ContactSearch, box_margin, edge_box, triangle_box
 from warp_cloth.kernels.contact.stick_memory import StickMemory, begin_search
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.loop import Goal, relax_to_rest
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import relax_to_rest
 
 TILE = 32  # threads of a tiled query
 EDGE_MM, VERTICES_THERE = 12.0, 6200  # the edge length at which a T-shirt has about so many vertices

@@ -40,7 +40,8 @@ from warp_cloth.shapes.body import calibrated_form
 from warp_cloth.shapes.measures import MannequinMeasures
 from warp_cloth.shapes.surface import grid_values, split_quads, surface_nets, without_saddles
 from warp_cloth.solver.certificate.certifier import Measurement
-from warp_cloth.solver.loop import BURST, Goal, Outcome, relax_items
+from warp_cloth.solver.goal import Goal, Outcome
+from warp_cloth.solver.loop import BURST, relax_items
 
 SKIN = (0.4, 0.88)  # of a body's height: from below the crotch to the neck
 ROOM = 0.1  # [m] of a field round the skin that is walked

@@ -33,7 +33,8 @@ from warp_cloth.fitting.problem import Problem, build_problem, collider_updates,
 from warp_cloth.garment.outfit import Outfit, load_outfit
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Tolerance
-from warp_cloth.solver.loop import Goal, relax_to_rest
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import relax_to_rest
 
 NEVER = Tolerance(0.0, 0.0, 0.0)
 PHASES = ("sewing", "untangling", "falling", "worn")  # asleep, till nothing crosses, till forces balance, from then on

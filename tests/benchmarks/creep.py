@@ -27,7 +27,8 @@ from warp_cloth.fitting.problem import Problem, collider_updates, problem_kind, 
 from warp_cloth.garment.outfit import MeshCache, load_outfit
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Measurement
-from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import relax_items
 
 FURTHER = 1000  # iterations
 SHOULDERS = 0.8  # share of a garment's vertices below its top fifth

@@ -24,7 +24,8 @@ from wearing import BODIES, SHARED_SHIRT
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import collider_updates, limit_of, load_problem, tolerance_of
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.loop import Goal, bursts, relax_to_rest
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import bursts, relax_to_rest
 
 
 def timed(figures: Figures, name: str, scene: str | dict[str, Any], options: argparse.Namespace) -> None:

@@ -19,7 +19,8 @@ from warp_cloth.fitting.attempts import Course, finished_runs
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.problem import collider_updates, load_problem, tolerance_of
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.loop import Goal, relax_to_rest
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import relax_to_rest
 from warp_cloth.study.footprint import memory_of
 
 

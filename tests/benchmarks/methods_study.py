@@ -26,7 +26,8 @@ from warp_cloth.batch.lifeline import sigint_blocked
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, start_coarse, tolerance_of
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
-from warp_cloth.solver.loop import BURST, Goal, relax_to_rest
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import BURST, relax_to_rest
 from warp_cloth.solver.step_options import StepOptions
 
 LIMITS = MappingProxyType({"direct": 20_000, "momentum": 20_000, "accelerated": 40_000, "multilevel": 20_000})

@@ -32,7 +32,8 @@ from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, tolerance_of
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.loop import Goal, relax_to_rest
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import relax_to_rest
 
 FOLDED: dict[str, tuple[Callable[[], Folded], Tree, Tree]] = {
     "folded sheet": (partial(folded_sheet, 61, 0.4, 0.306), {}, {"avatar": BALL}),

@@ -27,7 +27,8 @@ from methods_scenes import STIFFNESS, Case
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import collider_updates, start_coarse, tolerance_of
 from warp_cloth.model.result import Status
-from warp_cloth.solver.loop import BURST, Goal, relax_to_rest
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import BURST, relax_to_rest
 
 LIMIT = 20_000
 

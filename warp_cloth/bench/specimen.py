@@ -20,8 +20,9 @@ from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.model.model import build_model
 from warp_cloth.solver.certificate.certifier import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
+from warp_cloth.solver.goal import Goal
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, build_relaxation
-from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.solver.loop import relax_items
 from warp_cloth.solver.step_options import StepOptions
 
 if TYPE_CHECKING:

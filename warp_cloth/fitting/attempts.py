@@ -23,7 +23,8 @@ from warp_cloth.model.attempt import TORN, Attempt, Ended
 from warp_cloth.model.next_attempt import next_attempt
 from warp_cloth.model.result import AttemptRun, LevelRun, Status
 from warp_cloth.solver.certificate.strains import edge_strains
-from warp_cloth.solver.loop import Outcome, relax_items
+from warp_cloth.solver.goal import Outcome
+from warp_cloth.solver.loop import relax_items
 from warp_cloth.solver.relax import Relaxation
 
 Begin = Callable[[Problem], tuple[LevelRun, ...]]  # brings a lone scene to its start; returns what that relaxed

@@ -19,7 +19,7 @@ from warp_cloth.report.problems import find_problems
 from warp_cloth.report.verdict import is_worn, verdict
 from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate.strains import measured_strains, strain_summary, yarn_summaries
-from warp_cloth.solver.loop import Outcome
+from warp_cloth.solver.goal import Outcome
 
 
 def finish_fits(

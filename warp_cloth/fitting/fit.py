@@ -35,7 +35,8 @@ from warp_cloth.report.shown import shown_verdict
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.solver.certificate.certifier import Check
-from warp_cloth.solver.loop import Outcome, relax_to_rest
+from warp_cloth.solver.goal import Outcome
+from warp_cloth.solver.loop import relax_to_rest
 
 MOST_KEPT = 256  # entries of either cache; a T-shirt's fabric takes 2 and its size about 10, of some megabytes together
 DEVICE_BYTES = 1 << 28  # [bytes] of colliders that later answers may use

@@ -33,7 +33,7 @@ from warp_cloth.report.verdict import is_worn, shape_verdict
 from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate.certifier import Check
 from warp_cloth.solver.certificate.strains import strain_summary
-from warp_cloth.solver.loop import Outcome
+from warp_cloth.solver.goal import Outcome
 
 FARTHEST = 1e4  # [m]
 STILL = Check(0, Residual(0.0, 0.0, 0.0, 0.0, 0.0), 0.0, True)  # what a shape at rest would be measured to have

@@ -19,9 +19,10 @@ from warp_cloth.garment.garment import Garment
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
+from warp_cloth.solver.goal import Goal
 from warp_cloth.solver.implicit.coarse_garments import Hierarchy, prolong_shape
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
-from warp_cloth.solver.loop import Boxes, Follow, Goal, relax_to_rest
+from warp_cloth.solver.loop import Boxes, Follow, relax_to_rest
 
 if TYPE_CHECKING:
     from warp_cloth.avatar.contact import AvatarContact

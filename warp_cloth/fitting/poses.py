@@ -16,7 +16,8 @@ from warp_cloth.base.mesh import Points
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.contact_schedule import ContactSchedule
-from warp_cloth.solver.loop import BURST, Follow, Goal, relax_to_rest
+from warp_cloth.solver.goal import Goal
+from warp_cloth.solver.loop import BURST, Follow, relax_to_rest
 from warp_cloth.solver.relax import Relaxation
 
 # Largest displacement of the surface near the garment in one step [m]: a fraction of what the cloth can move in a

@@ -39,8 +39,9 @@ from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.rest_error import GROWING
 from warp_cloth.solver.certificate.strains import strain_kernels
 from warp_cloth.solver.contact_schedule import ContactSchedule, build_contact_schedule
+from warp_cloth.solver.goal import Goal
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, build_relaxation
-from warp_cloth.solver.loop import Boxes, Follow, Goal
+from warp_cloth.solver.loop import Boxes, Follow
 from warp_cloth.solver.parallel_domains import thread_count
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import Method, StepOptions

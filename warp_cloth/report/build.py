@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from warp_cloth.model.result import AttemptRun
     from warp_cloth.report.measurements import Measurements
     from warp_cloth.scene import Scene
-    from warp_cloth.solver.loop import Outcome
+    from warp_cloth.solver.goal import Outcome
 
 
 def build_report(

@@ -10,7 +10,7 @@ from warp_cloth.model.fit_problem import FitProblem, ProblemCode
 from warp_cloth.model.result import Status
 
 if TYPE_CHECKING:
-    from warp_cloth.solver.loop import Outcome
+    from warp_cloth.solver.goal import Outcome
 
 MOST_TOLD = 3  # problems in the verdict; the list has them all
 OF_STATUS = (ProblemCode.DIVERGED, ProblemCode.NOT_AT_REST)  # say by themselves how the fit ended

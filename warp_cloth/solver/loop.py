@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.avatar.collider import Collider
-from warp_cloth.base.mesh import Points
 from warp_cloth.garment.rest import Floats
 from warp_cloth.model.attempt import CutShort, Patience
 from warp_cloth.model.result import Status
@@ -21,11 +20,11 @@ from warp_cloth.solver.certificate.certifier import (
     Check,
     Measurement,
     PendingMeasurement,
-    Tolerance,
     read_bounds,
 )
 from warp_cloth.solver.certificate.summary import PendingFigures
 from warp_cloth.solver.contact_schedule import ContactSchedule
+from warp_cloth.solver.goal import Goal, Outcome
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.stall import StallWatch
@@ -49,32 +48,6 @@ TANGLED = {Patience.NONE: math.inf, Patience.SHORT: 4000, Patience.LONG: 10_000}
 
 # Cloth that has moved by more than this since the last check, and is farther from rest than this, still falls [m].
 FALLS, FAR = 1e-3, 20e-3
-
-
-@dataclass(frozen=True)
-class Goal:
-    """Tolerance that an item is to reach, its iteration limit, and when it ends before that."""
-
-    tolerance: Tolerance
-    limit: int  # iterations
-    patience: Patience = Patience.NONE  # with an item that comes no nearer to rest
-    ends_crossing: bool = False  # where its cloth passes through cloth, after CROSSING_CHECKS
-    # every so many iterations, where nothing crosses and cloth still falls; implicit steps: wherever it is; None: never
-    turn_after: int | None = None
-
-
-@dataclass
-class Outcome:
-    """How an item's relaxation ended."""
-
-    status: Status
-    check: Check
-    points: Points  # the last finite shape [m], shape [V, 3]
-    iterations: int
-    seconds: float  # in the loop, checks and new colliders included
-    frames: list[tuple[int, NDArray[np.float32]]] = field(default_factory=list)  # iteration and shape
-    moved: Floats | None = None  # of an item that is not at rest: its last motion from check to check [m], shape [V]
-    cut_short: CutShort | None = None  # None: it is at rest, diverged, or used up its iterations
 
 
 def bursts(relaxation: Relaxation) -> tuple[int, ...]:

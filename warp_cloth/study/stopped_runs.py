@@ -21,7 +21,8 @@ from warp_cloth.model.result import Penetration, Status
 from warp_cloth.report.rest import limits_missed
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.strains import edge_strains, strain_summary
-from warp_cloth.solver.loop import Goal, Outcome, relax_items
+from warp_cloth.solver.goal import Goal, Outcome
+from warp_cloth.solver.loop import relax_items
 from warp_cloth.solver.relax import Relaxation
 
 

@@ -26,7 +26,7 @@ from warp_cloth.maps import MAPS, add_girths, measure_maps
 from warp_cloth.model.result import FitResult, Status, WornGarment
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.solver.certificate.certifier import Check
-from warp_cloth.solver.loop import Outcome
+from warp_cloth.solver.goal import Outcome
 
 BURST = 20  # iterations between two pictures, at most
 LEAST_BURST = 5

@@ -1,0 +1,40 @@
+"""When the relaxation of an item is to end, and how it has ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.base.mesh import Points
+from warp_cloth.garment.rest import Floats
+from warp_cloth.model.attempt import CutShort, Patience
+from warp_cloth.model.result import Status
+from warp_cloth.solver.certificate.certifier import Check, Tolerance
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Tolerance that an item is to reach, its iteration limit, and when it ends before that."""
+
+    tolerance: Tolerance
+    limit: int  # iterations
+    patience: Patience = Patience.NONE  # with an item that comes no nearer to rest
+    ends_crossing: bool = False  # where its cloth passes through cloth, after CROSSING_CHECKS
+    # every so many iterations, where nothing crosses and cloth still falls; implicit steps: wherever it is; None: never
+    turn_after: int | None = None
+
+
+@dataclass
+class Outcome:
+    """How an item's relaxation ended."""
+
+    status: Status
+    check: Check
+    points: Points  # the last finite shape [m], shape [V, 3]
+    iterations: int
+    seconds: float  # in the loop, checks and new colliders included
+    frames: list[tuple[int, NDArray[np.float32]]] = field(default_factory=list)  # iteration and shape
+    moved: Floats | None = None  # of an item that is not at rest: its last motion from check to check [m], shape [V]
+    cut_short: CutShort | None = None  # None: it is at rest, diverged, or used up its iterations
