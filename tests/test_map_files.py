@@ -177,8 +177,8 @@ def test_a_comparison_names_both_fits_and_gives_both_figures_and_the_change() ->
     lines = comparison_lines(compare_fits(*fits), fits)
     assert lines[:2] == ["A = x/out: worn", "B = y/out: not worn"]
     assert [" ".join(line.split()) for line in lines[2:4]] == [
-        "shirt: ease at the waist A 9 cm B 4 cm change -5 cm",
-        "strain of edges, 99th percentile A 1 % B 1 % change 0 %",
+        "shirt: ease at the waist A 9.00 cm B 4.00 cm change -5.00 cm",
+        "strain of edges, 99th percentile A 1.00 % B 1.00 % change +0.00 %",
     ]
     assert any("pressure" in line for line in lines[4:])
 
@@ -193,7 +193,7 @@ def test_fits_without_maps_are_compared_by_their_figures(tmp_path: Path) -> None
     fits = read_fit(tmp_path / "a"), read_fit(tmp_path / "b")
     found = compare_fits(*fits)
     assert "no maps in a and b" in found.notes[0]
-    assert comparison_lines(found, fits)[2].split()[-2:] == ["-5", "cm"]
+    assert comparison_lines(found, fits)[2].split()[-2:] == ["-5.00", "cm"]
     assert [path.name for path in save_comparison(found, fits, tmp_path)] == ["compare.json"]
 
 

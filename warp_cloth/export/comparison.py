@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,6 @@ from warp_cloth.maps.compare import Comparison
 from warp_cloth.maps.kinds import MAPS, SHOWN_PERCENTILE, kind_named
 from warp_cloth.maps.measure import percentiles
 from warp_cloth.maps.read import WrittenFit
-from warp_cloth.report.numbers import short_number
 from warp_cloth.report.shown import fitted_lines, shown_verdict
 
 
@@ -107,8 +107,7 @@ def comparison_lines(found: Comparison, fits: tuple[WrittenFit, WrittenFit]) -> 
     figures = figures_of(found, fits)
     width = max((len(figure.what) for figure in figures), default=0)
     for figure in figures:
-        first, second = (_shown(value, figure.unit) for value in (figure.first, figure.second))
-        change = "" if figure.change is None else f"  change {_shown(figure.change, figure.unit, signed=True)}"
+        first, second, change = _shown(figure)
         lines.append(f"  {figure.what:<{width}}  A {first:>10}  B {second:>10}{change}")
     return lines
 
@@ -126,8 +125,12 @@ def _verdict(fit: WrittenFit) -> str:
     return ": " + "; ".join([shown_verdict(fit.report).words, *fitted_lines(fit.report)])
 
 
-def _shown(value: float | None, unit: str, *, signed: bool = False) -> str:
-    if value is None:
-        return "none"
-    digits = short_number(value)
-    return f"{'+' if signed and value > 0.0 else ''}{digits} {unit}"
+def _shown(figure: Figure) -> tuple[str, str, str]:
+    """Both figures and the change, all to the decimals that give the larger figure three digits."""
+    values = [abs(value) for value in (figure.first, figure.second) if value]
+    decimals = max(0, 2 - math.floor(math.log10(max(values)))) if values else 0
+    first, second = (
+        "none" if value is None else f"{value:.{decimals}f} {figure.unit}" for value in (figure.first, figure.second)
+    )
+    change = "" if figure.change is None else f"  change {figure.change:+.{decimals}f} {figure.unit}"
+    return first, second, change
