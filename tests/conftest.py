@@ -14,6 +14,8 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+from warp_cloth.base.first_run import note_kernels
+
 # Every property gets a few examples in the suite, the same ones on every run; --hypothesis-profile=fuzz looks for
 # new ones, $WARP_CLOTH_FUZZ of them (100,000 unless it says otherwise) for each property.
 LONG_ENOUGH = 60_000  # [ms] of one example: what takes longer hangs
@@ -28,6 +30,8 @@ def pytest_configure(config: pytest.Config) -> None:
     if "WARP_CLOTH_CACHE" not in os.environ:  # workers of xdist inherit it
         os.environ["WARP_CLOTH_CACHE"] = folder = tempfile.mkdtemp(prefix="warp_cloth-tests-")
         config.add_cleanup(partial(shutil.rmtree, folder, ignore_errors=True))
+        for device in ("cpu", "cuda"):  # commands do not say that it is their first run
+            note_kernels(device, str(Path(__file__).parent))
 
 
 def pytest_sessionstart() -> None:

@@ -17,6 +17,7 @@ import pytest
 
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.first_run import FOLDER
 from warp_cloth.batch import shared_results, warm_kernels
 from warp_cloth.batch.arena import Arena
 from warp_cloth.batch.loading import LEAST_WORK, LoadCache, Loaders
@@ -94,7 +95,10 @@ def test_constants_of_a_garment_are_computed_get_or_make_shared_workers(loaders:
         assert garment.fabric == other.fabric
 
 
-def test_what_shapes_are_drafted_from_is_computed_get_or_make_shared_workers(tmp_path: Path) -> None:
+def test_what_shapes_are_drafted_from_is_computed_once_for_all_workers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(FOLDER, "off")
     scene = load_scene("tshirt", ["garment.shape.edge_mm=45"])
     (recipe,) = avatar_recipe(scene)
     alone, mesh = MeshCache().make(recipe), load_outfit(scene).meshes[0]

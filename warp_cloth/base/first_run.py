@@ -69,6 +69,8 @@ def _mark(device: str | None) -> Path | None:
         return None
     kind = "cuda" if any(map(os.path.exists, GPU_FILES)) else "cpu"
     kind = device.partition(":")[0] if device else kind
+    if kind not in ("cpu", "cuda"):  # no device, as a command will say
+        return None
     return folder / f"kernels-{kind}-{_kernels_version(os.environ.get('WARP_CACHE_PATH', ''))}"
 
 
