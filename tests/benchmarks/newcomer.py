@@ -4,7 +4,7 @@
 
 The pattern maker goes from a garment and a scan to a report that a customer gets; the researcher from nothing to a plot
 of a hundred fits; the artist to Blender. Commands run one after another in an empty folder, with those of this
-interpreter; a garment and a body of ours stand in where none are named. The second column of the table is the wait.
+interpreter; a garment and a body of ours stand in where none are named. The figures are the waits.
 Ends with 1 where a command does not exit as it should.
 """
 
@@ -49,6 +49,7 @@ WORN, NOT_WORN, REFUSED = 0, 3, 2
 class Typed:
     """A command, how it should exit, and a file that it should write."""
 
+    name: str
     line: str
     status: tuple[int, ...] = (WORN,)
     writes: str = ""
@@ -57,25 +58,33 @@ class Typed:
 JUDGED = WORN, NOT_WORN  # of garments that are not ours
 PATHS = {
     "maker": (
-        Typed("warp-cloth avatar body.obj --measures", writes="out/body_body.png"),
-        Typed("warp-cloth fit shirt.obj --on body.obj --fabric jersey", JUDGED, "out/report.html"),
-        Typed("warp-cloth init shirt.obj --on body.obj --fabric jersey", writes="shirt.toml"),
-        Typed("warp-cloth fit shirt.toml --set garment.fabric=denim --maps pressure,gap --out denim", JUDGED),
-        Typed("warp-cloth compare out denim --out change", writes="change/compare.json"),
-        Typed("warp-cloth fit shirt.toml --set garment.translate=[0,0,-0.2] --out moved", JUDGED),
-        Typed("warp-cloth sizes tshirt --size s,m,l --ease 4 --out sizes", writes="sizes/sizes.html"),
-        Typed("warp-cloth fit shirt.obj --on body.obj --fabric jersy", (REFUSED,)),
+        Typed("measures", "warp-cloth avatar body.obj --measures", writes="out/body_body.png"),
+        Typed("first_fit", "warp-cloth fit shirt.obj --on body.obj --fabric jersey", JUDGED, "out/report.html"),
+        Typed("scene_file", "warp-cloth init shirt.obj --on body.obj --fabric jersey", writes="shirt.toml"),
+        Typed(
+            "denim_with_maps",
+            "warp-cloth fit shirt.toml --set garment.fabric=denim --maps pressure,gap --out denim",
+            JUDGED,
+        ),
+        Typed("compare", "warp-cloth compare out denim --out change", writes="change/compare.json"),
+        Typed("moved_20_cm", "warp-cloth fit shirt.toml --set garment.translate=[0,0,-0.2] --out moved", JUDGED),
+        Typed("sizes", "warp-cloth sizes tshirt --size s,m,l --ease 4 --out sizes", writes="sizes/sizes.html"),
+        Typed("typing_error", "warp-cloth fit shirt.obj --on body.obj --fabric jersy", (REFUSED,)),
     ),
     "researcher": (
-        Typed("warp-cloth batch study.toml --out study --sheet 60", JUDGED, "study/contact_sheet.html"),
-        Typed("python plot.py", writes="study.png"),
-        Typed("python -c \"import warp_cloth; print(repr(warp_cloth.fit('skirt')))\""),
-        Typed("warp-cloth tradeoff hanging --within 2mm --out tradeoff"),
+        Typed("100_fits", "warp-cloth batch study.toml --out study --sheet 60", JUDGED, "study/contact_sheet.html"),
+        Typed("plot", "python plot.py", writes="study.png"),
+        Typed("python", "python -c \"import warp_cloth; print(repr(warp_cloth.fit('skirt')))\""),
+        Typed("tradeoff", "warp-cloth tradeoff hanging --within 2mm --out tradeoff"),
     ),
     "artist": (
-        Typed("warp-cloth fit trousers --format usdc,glb,obj,pc2 --frames 24 --out scene", writes="scene/trousers.glb"),
-        Typed("warp-cloth fabric jersey --out laboratory"),
-        Typed("warp-cloth pattern shirt.json --out flat", JUDGED),
+        Typed(
+            "glb_and_frames",
+            "warp-cloth fit trousers --format usdc,glb,obj,pc2 --frames 24 --out scene",
+            writes="scene/trousers.glb",
+        ),
+        Typed("fabric", "warp-cloth fabric jersey --out laboratory"),
+        Typed("pattern", "warp-cloth pattern shirt.json --out flat", JUDGED),
     ),
 }
 
@@ -120,10 +129,10 @@ def main() -> None:
             folder = (options.keep or Path(scratch)).resolve() / person
             folder.mkdir(parents=True, exist_ok=True)
             prepare(folder, options.garment, options.body)
-            for number, typed in enumerate(PATHS[person], 1):
+            for typed in PATHS[person]:
                 seconds, said, whole = run(typed, folder)
                 print(f"$ {typed.line}\n  {said}")
-                figures.add(f"{person}.{number}", seconds, "s")
+                figures.add(f"{person}.{typed.name}", seconds, "s")
                 if not whole:
                     failed.append(typed.line)
     sys.exit(f"not as it should: {failed}" if failed else 0)
