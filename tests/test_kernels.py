@@ -149,6 +149,8 @@ def loaded(*kernels: Any) -> None:
     with pytest.MonkeyPatch.context() as settings:
         settings.setattr(wp.config, "optimization_level", 0)  # half the time: nothing is run here
         wp.force_load("cpu", modules=list(modules))
+    for module in modules:
+        module.unload()  # else what runs later in this process runs so
 
 
 @pytest.mark.parametrize("path", FILES, ids=module_name)
