@@ -58,6 +58,7 @@ class Drawn:
 
     def state(self, text: str) -> None:
         """Takes a line of text."""
+        text = repaired(text)
         found = _STATED.match(text)
         if found is None:
             self.remarks.append(text.strip())
@@ -186,8 +187,18 @@ def _scale(insert: Any) -> float:
     return scale if 1e-6 < scale < 1e6 else 1.0
 
 
+def repaired(text: str) -> str:
+    """A text that was UTF-8, and was read as of Windows' code page, as files without a stated one are."""
+    if text.isascii():
+        return text
+    try:
+        return text.encode("cp1252", "surrogateescape").decode("utf-8")
+    except UnicodeError:
+        return text
+
+
 def _drawn(name: str, entities: Iterable[Any], scale: float = 1.0) -> Drawn:
-    piece = Drawn(name)
+    piece = Drawn(repaired(name))
     flat = list(_flat(entities, 0))
     fine = _extent(flat) * FINE
     for entity in flat:
