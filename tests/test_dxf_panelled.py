@@ -17,7 +17,7 @@ from warp_cloth.pattern.kinds import named
 from warp_cloth.pattern.proposal import SEWN_FROM
 
 NAMES = {
-    "front": "CENTER FRONT|Vorderteil|devant|delantero|davanti|frente|voorpand|Przód|полочка|ön beden|qian pian|前片|前身頃",
+    "front": "CENTER FRONT|Vorderteil|devant|delantero|davanti|frente|voorpand|Przód|полочка|ön beden|qian pian|前片",
     "back": "BACK ON FOLD|BACK SHOULDER|Rückenteil|dos|espalda|dietro|costas|achterpand|tył|спинка|arka|houpian|后片",
     "sleeve": "Oberärmel|AERMEL|manche|manga|manica|mouw|rękaw|рукав|kol|hiha|xiuzi|袖子",
     "collar": "Kragen|Halsbündchen|pied de col|cuello|colletto|kołnierz|воротник|yaka|lingzi|领",

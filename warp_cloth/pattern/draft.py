@@ -12,7 +12,7 @@ from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, SIDE_PANEL, UNDER_SLEEVE, named, without_side
 from warp_cloth.pattern.panel_roles import middle_side, parted_at_underarm, side_panel_roles
-from warp_cloth.pattern.pieces import Piece
+from warp_cloth.pattern.pieces import Piece, opened
 from warp_cloth.pattern.roles import (
     Roles,
     Shape,
@@ -87,6 +87,10 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
         said = stated.get(piece.name, Stated())
         part = _part(piece, said, panelled)
         place = f'piece "{short(piece.name)}"'
+        whole = opened(piece, part.roles["centre"]) if _is_lone_half(piece, said, part, pieces) else None
+        if whole is not None:
+            piece, part = whole, _part(whole, said, panelled)
+            notes.append(f"{place} is half a {part.kind}, cut once, with no fold line: mirrored at its straight centre")
         if part.kind == "none":
             why = "as stated" if said.place == "none" else "by its name or material it is no part of the outer cloth"
             notes.append(f"{place} is left out: {why}")
@@ -117,6 +121,20 @@ def _unique(pieces: Sequence[Piece], notes: list[str]) -> list[Piece]:
             piece = replace(piece, name=name)
         out.append(piece)
     return out
+
+
+def _is_lone_half(piece: Piece, said: Stated, part: Part, pieces: Sequence[Piece]) -> bool:
+    """Whether a piece is half a front or back whose other half is nowhere."""
+    if part.kind not in ("front", "back") or part.side == BOTH or "centre" not in part.roles:
+        return False
+    others = [each for each in pieces if each.what.kind == part.kind and not each.what.panel and each is not piece]
+    copies = said.copies if said.copies is not None else piece.copies
+    return (
+        not others
+        and piece.what.side == BOTH
+        and said.place in (None, part.kind)
+        and (copies is None or sum(copies) == 1)
+    )
 
 
 def _copies(piece: Piece, said: Stated, part: Part, place: str, notes: list[str]) -> tuple[bool, bool]:

@@ -104,13 +104,14 @@ def named(name: str) -> Named:
     """What a piece's name says of it, in whatever encoding it was written."""
     what = _named(name)
     if not what.kind and any(letter >= "\x80" for letter in name):
-        for encoding in ENCODINGS:
-            try:
-                other = _named(name.encode("cp1252").decode(encoding))
-            except UnicodeError:
-                continue
-            if other.kind:
-                return other
+        for read in ("cp1252", "utf-8"):  # as it may have been read
+            for encoding in ENCODINGS:
+                try:
+                    other = _named(name.encode(read).decode(encoding))
+                except UnicodeError:
+                    continue
+                if other.kind:
+                    return other
     return what
 
 
