@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
-from importlib import import_module
 from typing import Any
 
-import numpy as np
 import pytest
 
-import warp_cloth
-from warp_cloth.batch import fit_many
-from warp_cloth.fitting import attempts
-from warp_cloth.fitting.problem import Problem, build_problem
-from warp_cloth.fitting.warm_start import start_from
-from warp_cloth.garment.outfit import Outfit, load_outfit
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience
 from warp_cloth.model.next_attempt import FEW_CROSSINGS, MOST_ITERATIONS, SLIDES, first_attempt, next_attempt
 from warp_cloth.model.result import Status
-from warp_cloth.scene import Scene, load_scene
-from warp_cloth.solver.certificate.certifier import Measurement, Tolerance
-from warp_cloth.solver.goal import Goal
-from warp_cloth.solver.loop import relax_items
-from warp_cloth.solver.stall import STALL, StallWatch
+from warp_cloth.scene import load_scene
 
-fit_module = import_module("warp_cloth.fitting.fit")  # the package has a function of that name
 SMALL_SHIRT = ["garment.shape.edge_mm=50"]
 DRAPED = ["garment.shape.vertices_per_side=17"]
 VERTICES = 1000
@@ -304,103 +291,3 @@ def test_the_best_attempt_is_free_of_crossings_then_at_rest() -> None:
     ]
     ranks = [each.rank for each in ends]
     assert ranks == sorted(ranks)
-
-
-def measured(iteration: int, residual: float, error: float) -> Measurement:
-    one = np.ones(1)
-    return Measurement(iteration, one, residual * one, error * one, one, one, np.zeros((1, 2, 3)), one > 0)
-
-
-def stalls(patience: Patience, residual: Callable[[int], float], count: int) -> list[bool]:
-    """Whether an item has stalled at each of some checks; its rest error stays the same."""
-    watch = StallWatch([patience])
-    return [bool(watch.stalled(measured(100 * n, residual(n), 1.0))[0]) for n in range(1, count)]
-
-
-@pytest.mark.parametrize("patience", [Patience.SHORT, Patience.LONG])
-def test_what_comes_no_nearer_to_rest_stalls(patience: Patience) -> None:
-    checks = STALL[patience][0] // 100 + 2
-    assert stalls(patience, lambda n: 0.1, checks + 1) == [False] * (checks - 1) + [True]
-
-
-def test_one_figure_that_falls_is_progress() -> None:
-    assert not any(stalls(Patience.SHORT, lambda n: 0.1 * 0.99**n, 400))
-
-
-def test_a_fit_with_a_stated_limit_never_stalls() -> None:
-    assert not any(stalls(Patience.NONE, lambda n: 0.1, 1000))
-
-
-def test_a_relaxation_without_progress_is_cut_short() -> None:
-    """A tolerance below rounding cannot be reached."""
-    scene = load_scene("hanging", ["garment.shape.vertices_per_side=5"])
-    problem = build_problem([scene], [load_outfit(scene)], "cpu")
-    goal = Goal(Tolerance(relative_rms=1e-30, rest_error=1e-30), 100_000, Patience.SHORT)
-    (outcome,) = relax_items(problem.relaxation, problem.certifier, [goal])
-    assert (outcome.status, outcome.cut_short) == (Status.ITERATION_LIMIT, CutShort.STALLED)
-    assert STALL[Patience.SHORT][0] < outcome.iterations < 100_000
-
-
-@pytest.fixture(scope="module")
-def draped() -> warp_cloth.Fit:
-    return warp_cloth.fit("sphere", device="cpu", overrides=DRAPED)
-
-
-def test_cloth_over_a_ball_ends_apart_by_itself(draped: warp_cloth.Fit) -> None:
-    assert draped.worn
-    assert draped.report["crossings"]["pairs"] == 0
-    attempts = draped.report["attempts"]
-    assert [attempt["cloth_contact"] for attempt in attempts] == [False, True]
-    assert [attempt["chosen"] for attempt in attempts] == [False, True]
-    assert {choice["key"]: choice["value"] for choice in draped.report["choices"]}["collision.cloth"] is True
-
-
-def test_settings_are_as_stated(draped: warp_cloth.Fit) -> None:
-    settings = draped.report["settings"]
-    assert (settings["collision"]["cloth"], settings["solver"]["method"]) == ("auto", "auto")
-    assert isinstance(draped.scene, Scene)
-
-
-def test_attempts_of_a_batch_have_the_bits_of_each_alone(draped: warp_cloth.Fit) -> None:
-    scenes = [load_scene("sphere", DRAPED), load_scene("sphere", [*DRAPED, "garment.fabric=felt"])]
-    both = fit_many(scenes, "cpu", together=2)
-    assert isinstance(both[0], warp_cloth.Fit)
-    assert np.array_equal(both[0].garments[0].points, draped.garments[0].points)
-    assert both[0].report["attempts"] == draped.report["attempts"]
-
-
-def test_cloth_that_touches_nothing_needs_one_attempt() -> None:
-    fit = warp_cloth.fit("hanging", device="cpu")
-    assert [attempt["cloth_contact"] for attempt in fit.report["attempts"]] == [False]
-
-
-def in_vain(history: Sequence[Ended], _: Outfit) -> Attempt | None:
-    """One more attempt, of a single iteration."""
-    attempt = history[0].attempt
-    solver = attempt.scene.solver.model_copy(update={"iterations": 1})
-    worse = replace(attempt, scene=attempt.scene.model_copy(update={"solver": solver}))
-    return worse if len(history) == 1 else None
-
-
-def test_attempts_in_vain_are_reported_alike_alone_and_in_a_batch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(attempts, "next_attempt", in_vain)
-    scene = load_scene("hanging", ["garment.shape.vertices_per_side=5"])
-    alone, (batched,) = warp_cloth.fit(scene, device="cpu"), fit_many([scene], "cpu")
-    assert isinstance(batched, warp_cloth.Fit)
-    assert [attempt["chosen"] for attempt in alone.report["attempts"]] == [True, False]
-    assert batched.report["attempts"] == alone.report["attempts"]
-
-
-def test_further_attempts_begin_at_the_given_start(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = load_scene("hanging", ["garment.shape.vertices_per_side=5"])
-    earlier = warp_cloth.fit(scene, device="cpu")
-    monkeypatch.setattr(attempts, "next_attempt", in_vain)
-    begun = []
-
-    def counted(problem: Problem, worn: Any) -> bool:
-        begun.append(problem)
-        return start_from(problem, worn)
-
-    monkeypatch.setattr(fit_module, "start_from", counted)
-    warp_cloth.fit(scene, device="cpu", start=earlier)
-    assert len(begun) == 2
