@@ -25,7 +25,7 @@ from warp_cloth.loading.repair import RestKey
 from warp_cloth.material.bending import hinge_constants
 from warp_cloth.material.constants import Sheet, YarnConstants, edge_constants, lay_flat, yarn_constants
 from warp_cloth.material.fabric import Fabric, unlikely_values
-from warp_cloth.material.hysteresis import hinge_sliders
+from warp_cloth.material.hysteresis import rubbing_constants
 from warp_cloth.scene.wearables import RestAngles
 
 Floats = NDArray[np.float64]
@@ -295,12 +295,16 @@ def _constants(geometry: RestGeometry, weight: Floats, fabric: Fabric) -> RestSh
     sheet, length = geometry.sheet, geometry.length
     woven = fabric.woven and sheet.directed
     pull = np.zeros(len(length)) if woven else edge_constants(sheet, fabric, length)
-    stiffness = hinge_constants(sheet, fabric, length)
+    slider = None
+    if fabric.rubs(sheet.directed) and len(sheet.topology.hinges):
+        stiffness, slider = rubbing_constants(sheet, fabric, length)
+    else:
+        stiffness = hinge_constants(sheet, fabric, length)
     own = {
         "edge_pull": pull,
         "edge_push": fabric.compression * pull,
         "hinge_stiffness": stiffness,
-        "hinge_slider": hinge_sliders(sheet, fabric, length, stiffness),
+        "hinge_slider": slider,
         "vertex_weight": weight,
         "yarns": yarn_constants(sheet, fabric) if woven else None,
         "fabric": fabric,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,6 +167,13 @@ def near_border(sheet: Sheet) -> NDArray[np.bool_]:
     return near
 
 
+class Rubbing(NamedTuple):
+    """Friction of H hinges, bent to a curvature k [1/m], as ``Balance`` counts it; shape [H] each."""
+
+    moment: Floats  # over k^2 [N m3]
+    clinging: Floats  # fold per curvature up to which it grows [m]
+
+
 class Balance:
     """Equilibrates even bends: moves vertices off the surface until neighbouring hinges balance."""
 
@@ -180,11 +187,13 @@ class Balance:
         self._folded = np.empty_like(folds.across)
         self._counted = len(self._folded) > MANY
 
-    def folded(self, stiffness: Floats, even: Floats, displacement: Floats, rounds: int) -> Floats:
+    def folded(
+        self, stiffness: Floats, even: Floats, displacement: Floats, rounds: int, rubbing: Rubbing | None = None
+    ) -> Floats:
         """Folds per curvature [m] after vertices have moved from the even bend to where hinges balance, shape [H].
 
-        Gradient descent on the sum of C |fold|^3 / 6 over the displacements of inner vertices, in ``displacement``
-        [m2], shape [V], which is updated.
+        Gradient descent on the sum of C |fold|^3 / 6, and of what ``rubbing`` takes, over the displacements of inner
+        vertices, in ``displacement`` [m2], shape [V], which is updated.
         """
         half, pull, curve, folded = 0.5 * stiffness, self._pull, self._curve, self._folded
 
@@ -197,6 +206,10 @@ class Balance:
             size, own = np.abs(folded[part]), stiffness[part]
             np.multiply(half[part] * folded[part] * size, self._slopes[:, part], out=pull[:, part])
             np.multiply(own * (size + self._least[part]), self._size[:, part], out=curve[:, part])
+            if rubbing is not None:
+                secant = rubbing.moment[part] / np.maximum(size, rubbing.clinging[part])
+                pull[:, part] += secant * folded[part] * self._slopes[:, part]
+                curve[:, part] += 2.0 * secant * self._size[:, part]
             curve[:, part] *= self._sizes[part]
             return float(np.sum(own * size * size * size)) if self._counted else 0.0
 

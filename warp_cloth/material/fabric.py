@@ -123,6 +123,13 @@ class Fabric:
         """[N m2] of warp and weft together, their geometric mean."""
         return math.sqrt(self.bending_warp * self.bending_weft)
 
+    def rubs(self, directed: bool) -> bool:
+        """Whether it has friction in bending, on a garment that has directions or not."""
+        friction = self.bending_friction_warp, self.bending_friction_weft
+        stiff = self.bending_warp, self.bending_weft
+        enough = any if directed else all
+        return enough(friction) and enough(stiff) and min(stiff) > 0.0
+
     @property
     def even_shear(self) -> float:
         """Shear [N/m] of cloth whose four yarns are alike, with the smaller stretch of this.
