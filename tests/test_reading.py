@@ -81,6 +81,7 @@ def test_a_garment_that_is_back_to_front_is_turned_where_its_cut_tells(
     """With a low neckline, and wider in front at the waist; as the T-shirt is, that is only doubted."""
     half = np.array([-1.0, 1.0, -1.0])
     front = tshirt.points[:, 2] > tshirt.points[:, 2].mean()
+    assert tshirt.texcoords is not None
     points, texcoords = tshirt.points.copy(), tshirt.texcoords.copy()
     low = front & (np.abs(points[:, 0]) < 0.12) & (points[:, 1] > points[:, 1].max() - 0.2)
     points[low, 1] -= 0.15 * cut
