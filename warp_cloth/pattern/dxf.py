@@ -312,12 +312,12 @@ def _loose_pieces(entities: list[Any]) -> tuple[list[Drawn], list[str]]:
 
     def owner(point: Floats) -> Drawn | None:
         sizes = [float(np.prod(high - low)) for low, high in boxes]
-        inside = [
+        holding = [
             index
             for index, (low, high) in enumerate(boxes)
             if (point >= low - 0.01 * (high - low)).all() and (point <= high + 0.01 * (high - low)).all()
         ]
-        return pieces[min(inside, key=lambda index: sizes[index])] if inside else None
+        return pieces[min(holding, key=lambda index: sizes[index])] if holding else None
 
     for number, lines in layers.items():
         for line in lines if number not in (main, NAMELESS) else ():
