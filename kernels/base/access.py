@@ -50,6 +50,15 @@ for _dtype in (wp.vec4f, wp.vec4d):
 
 
 @wp.func
+def permuted(order: wp.array(dtype=wp.int32), index: int) -> int:
+    """order[index]; the index itself where ``order`` is empty."""
+    number = index
+    if order.shape[0] > 0:
+        number = element(order, index)
+    return number
+
+
+@wp.func
 def position_of(state: Any, vertex: int):
     """Position of a vertex [m], in float64 whatever type positions are stored in; ``state`` of types.cloth_types."""
     return wp.vec3d(element(state.position, vertex))

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.access import element, permuted
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.contact.arrays import ContactData, VertexContact, load_vertex_contact
 from warp_cloth.kernels.contact.search_trigger import load_bounds, note_displacement
@@ -15,15 +15,6 @@ from warp_cloth.kernels.math.lanes import lane_types
 from warp_cloth.kernels.math.packet_memory import first_lane
 
 WIDTH = wp.constant(EIGHT)
-
-
-@wp.func
-def contact_number(order: wp.array(dtype=wp.int32), vertex: int) -> int:
-    """Number that contact has for a vertex: that in ``order``; empty: its own."""
-    number = vertex
-    if order.shape[0] > 0:
-        number = element(order, vertex)
-    return number
 
 
 @functools.cache
@@ -39,7 +30,8 @@ def packet_contact_functions(precision: str) -> SimpleNamespace:
     ):
         """Contact's loads, limits of displacements, shifts, and distances from the last search, of eight vertices.
 
-        Those of ``lanes`` only; sums are reset of those that are ``free``, too. ``order`` is of ``contact_number``.
+        Those of ``lanes`` only; sums are reset of those that are ``free``, too. ``order``: the number that contact has
+        for each vertex; empty: the same.
         """
         loads = packets.vec4()
         limits = packets.real()
@@ -49,7 +41,7 @@ def packet_contact_functions(precision: str) -> SimpleNamespace:
         while left != 0:  # not unrolled: what is called at one place is inlined, and its structs are not copied
             lane = first_lane(left)
             position = wp.vec3d(element(state.position, first + lane))
-            vertex = contact_number(order, first + lane)
+            vertex = permuted(order, first + lane)
             known = load_vertex_contact(contact, vertex, position)
             moved[lane] = real(known.moved)
             if (free >> lane) & 1 != 0:
@@ -75,7 +67,7 @@ def packet_contact_functions(precision: str) -> SimpleNamespace:
         left = lanes
         while left != 0:
             lane = first_lane(left)
-            vertex = contact_number(order, first + lane)
+            vertex = permuted(order, first + lane)
             known = VertexContact()
             known.moved = float(moved[lane])
             known.skin = element(contact.trigger.skin, vertex)

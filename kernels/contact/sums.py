@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.access import element, permuted
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import (
     FORCE_UNIT,
@@ -159,9 +159,7 @@ def add_load_kernel(precision: str) -> wp.Kernel:
     ):
         """Adds a vertex's sums to its load, and resets them."""
         place = wp.tid()
-        vertex = int(place)
-        if order.shape[0] > 0:
-            vertex = order[place]
+        vertex = permuted(order, place)
         row = load_row(contact.sums.load, place)
         clear_row(contact.sums.load, place, row)
         load[vertex] = load[vertex] + in_newtons(row)

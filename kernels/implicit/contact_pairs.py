@@ -13,6 +13,7 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.base.access import permuted
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import (
     FORCE_UNIT,
@@ -79,10 +80,12 @@ def lower_fraction(fraction_out: wp.array(dtype=wp.int32), limit: Any, length: A
 @wp.func
 def model_corners(order: wp.array(dtype=wp.int32), corners: wp.vec4i):
     """Corners as the model numbers them; ``order`` has the model's number of each vertex, or is empty."""
-    result = corners
-    if order.shape[0] > 0:
-        result = wp.vec4i(order[corners[0]], order[corners[1]], order[corners[2]], order[corners[3]])
-    return result
+    return wp.vec4i(
+        permuted(order, corners[0]),
+        permuted(order, corners[1]),
+        permuted(order, corners[2]),
+        permuted(order, corners[3]),
+    )
 
 
 @functools.cache
@@ -204,9 +207,7 @@ def limit_by_pairs_kernel(precision: str) -> wp.Kernel:
         """
         thread = wp.tid()
         if thread < contact.trigger.position.shape[0]:
-            vertex = int(thread)
-            if order.shape[0] > 0:
-                vertex = order[thread]
+            vertex = permuted(order, thread)
             known = load_vertex_contact(contact, thread, wp.vec3d(state.position[vertex]))
             lower_fraction(pressing.fraction, real(known.step_limit), wp.length(state.displacement[vertex]))
         count = contact.pairs.count[0]
@@ -254,6 +255,14 @@ def multiply_pairs_kernel(precision: str) -> wp.Kernel:
     return multiply_pairs
 
 
+@wp.func
+def take_entry(sums: wp.array2d(dtype=wp.int64), vertex: int, entry: int, unit: wp.float64) -> wp.float64:
+    """An entry of a vertex' sums, of integers in this unit; resets it."""
+    value = wp.float64(sums[vertex, entry]) * unit
+    sums[vertex, entry] = wp.int64(0)
+    return value
+
+
 @functools.cache
 def pressing_functions(precision: str) -> SimpleNamespace:
     """Functions ``take_product`` and ``take_block`` of a vertex."""
@@ -265,8 +274,7 @@ def pressing_functions(precision: str) -> SimpleNamespace:
         """A vertex' sum of ``multiply_pairs`` [N]; resets it."""
         result = vec3()
         for axis in range(3):
-            result[axis] = real(wp.float64(pressing.product[vertex, axis]) * FORCE_UNIT)
-            pressing.product[vertex, axis] = wp.int64(0)
+            result[axis] = real(take_entry(pressing.product, vertex, axis, FORCE_UNIT))
         return result
 
     @wp.func
@@ -274,8 +282,7 @@ def pressing_functions(precision: str) -> SimpleNamespace:
         """A vertex' own block [N/m]; resets it."""
         result = vec6()
         for entry in range(6):
-            result[entry] = real(wp.float64(pressing.block[vertex, entry]) * STIFFNESS_UNIT)
-            pressing.block[vertex, entry] = wp.int64(0)
+            result[entry] = real(take_entry(pressing.block, vertex, entry, STIFFNESS_UNIT))
         return result
 
     return SimpleNamespace(take_product=take_product, take_block=take_block)

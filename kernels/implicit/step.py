@@ -6,6 +6,7 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.base.access import permuted
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, free_function, rests
 from warp_cloth.kernels.contact.arrays import LENGTH_UNIT, NO_LIMIT, ContactData, load_vertex_contact
 from warp_cloth.kernels.contact.search_trigger import load_bounds, note_displacement
@@ -64,6 +65,40 @@ def anchor_of(diagonal: Any, constraint: int, normal: Any, block: Any):
 
 
 @functools.cache
+def avatar_constraint_function(precision: str, avatar_contact: wp.Function | None, collider_type: type) -> wp.Function:
+    """Function ``avatar_constraint``."""
+    types = cloth_types(precision)
+    real, vec3, vec6, Model, State = types.real, types.vec3, types.vec6, types.Model, types.State
+
+    @wp.func
+    def avatar_constraint(
+        model: Model,
+        state: State,
+        colliders: colliders_type(avatar_contact, collider_type),
+        in_contact: wp.array(dtype=wp.uint8),
+        gap_out: wp.array(dtype=real),
+        vertex: int,
+        force: vec3,
+        block: vec6,
+    ):
+        """Constraint of a vertex by the avatar, the force that this leaves [N], its normal and its drag [N/m]."""
+        constraint, normal, drag = int(FREE), vec3(), real(0.0)
+        if wp.static(avatar_contact is not None):
+            item = model.items[model.item[vertex]]
+            answer = avatar_contact(colliders[model.item[vertex]], wp.vec3d(state.position[vertex]))
+            gap = real(answer[3] - item.offset)
+            gap_out[vertex] = gap
+            if close(gap, in_contact[vertex]):
+                normal = vec3(real(answer[0]), real(answer[1]), real(answer[2]))
+                if presses(force, normal, gap, block):
+                    last = state.displacement[vertex]
+                    constraint, force, drag = stick_or_slip(force, normal, real(item.avatar_friction), last)
+        return constraint, force, normal, drag
+
+    return avatar_constraint
+
+
+@functools.cache
 def prepare_step_kernel(
     precision: str, avatar_contact: wp.Function | None, collider_type: type, cloth_contact: bool, pins: bool
 ) -> wp.Kernel:
@@ -75,6 +110,7 @@ def prepare_step_kernel(
     PressingState, take_block = pressing_argument(precision, cloth_contact), pressing_functions(precision).take_block
     free = free_function(precision, pins)
     own_block = own_block_function(precision)
+    avatar_constraint = avatar_constraint_function(precision, avatar_contact, collider_type)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def prepare_step(
@@ -101,19 +137,10 @@ def prepare_step_kernel(
                 pressing.fraction[0] = WHOLE
             pressed = take_block(pressing, vertex)
             block += pressed
-        constraint = int(FREE)
-        force = vec3(load[0], load[1], load[2]) + step.gravity * weight
-        normal = vec3()
-        drag = real(0.0)
-        if wp.static(avatar_contact is not None):
-            item = model.items[model.item[vertex]]
-            answer = avatar_contact(colliders[model.item[vertex]], wp.vec3d(state.position[vertex]))
-            gap = real(answer[3] - item.offset)
-            system_out.gap[vertex] = gap
-            if close(gap, implicit.in_contact[vertex]):
-                normal = vec3(real(answer[0]), real(answer[1]), real(answer[2]))
-                if presses(force, normal, gap, block):
-                    constraint, force, drag = stick_or_slip(force, normal, real(item.avatar_friction), last)
+        own_force = vec3(load[0], load[1], load[2]) + step.gravity * weight
+        constraint, force, normal, drag = avatar_constraint(
+            model, state, colliders, implicit.in_contact, system_out.gap, vertex, own_force, block
+        )
         if not free(model, vertex) or rests(model, vertex):
             constraint = int(FIXED)
             force = vec3()
@@ -223,9 +250,7 @@ def move_together_kernel(precision: str, pins: bool) -> wp.Kernel:
         Where some pair would let all go by less than LEAST_FRACTION each goes as far as its own step limit lets it.
         """
         place = wp.tid()
-        vertex = int(place)
-        if order.shape[0] > 0:
-            vertex = order[place]
+        vertex = permuted(order, place)
         iteration, path = load_bounds(contact, place)
         known = load_vertex_contact(contact, place, wp.vec3d(state.position[vertex]))
         limit = contact.sums.step_limit[place]

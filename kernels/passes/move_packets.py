@@ -9,10 +9,10 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.avatar.field import fetch_field, field_contact
-from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.access import element, permuted
 from warp_cloth.kernels.base.options import KernelOptions
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.contact.packets import contact_number, packet_contact_functions
+from warp_cloth.kernels.contact.packets import packet_contact_functions
 from warp_cloth.kernels.laws.step import capped
 from warp_cloth.kernels.math.lanes import WIDTH as PACKET_WIDTH
 from warp_cloth.kernels.math.lanes import lane_types
@@ -194,7 +194,7 @@ def met_moves_function(options: KernelOptions) -> wp.Function:
             near_one.position = element(state.position, vertex)
             lift = float(0.0)
             if wp.static(options.cloth_contact):
-                lift = element(contact.model.lift, contact_number(order, vertex))
+                lift = element(contact.model.lift, permuted(order, vertex))
             move, inertial = query_avatar(state, collider, False, vec6(), lift, near_one, move)
             for axis in range(3):
                 met[WIDTH * axis + lane] = move[axis]
@@ -206,24 +206,15 @@ def met_moves_function(options: KernelOptions) -> wp.Function:
 
 
 @functools.cache
-def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
-    """Kernel ``displace_vertices`` of the accelerated step."""
+def displace_lanes_function(options: KernelOptions) -> wp.Function:
+    """The function ``displace_lanes``."""
     types, packets = cloth_types(options.precision), lane_types(cloth_types(options.precision).real, PACKET_WIDTH)
-    vec4, Model, State, Step, Item = types.vec4, types.Model, types.State, types.Step, types.Item
-    avatar_contact, collider_type, cloth_contact = options.avatar_contact, options.collider, options.cloth_contact
-    Colliders, Contact = colliders_type(avatar_contact, collider_type), cloth_contact_type(cloth_contact)
+    Model, State, Step, Item = types.Model, types.State, types.Step, types.Item
+    avatar_contact, cloth_contact = options.avatar_contact, options.cloth_contact
+    Colliders, Contact = colliders_type(avatar_contact, options.collider), cloth_contact_type(cloth_contact)
     own_moves = own_moves_function(options)
     met_moves = None if avatar_contact is None else met_moves_function(options)
     meets_cloth = packet_contact_functions(options.precision)
-
-    @wp.func
-    def fetch_ahead(model: Model, state: State, colliders: Colliders, first: int):
-        """Prefetches what vertices need of the avatar's field that are moved soon."""
-        if first + AHEAD + WIDTH <= model.weight.shape[0]:
-            for lane in range(WIDTH):
-                vertex = first + AHEAD + lane
-                if element(state.clearance, vertex) == 0.0:
-                    fetch_field(colliders[element(model.item, vertex)], wp.vec3d(element(state.position, vertex)))
 
     @wp.func
     def displace_lanes(
@@ -260,13 +251,33 @@ def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
         move_packet(state.position, state.displacement, first, free, moves, momentum)
         store_lanes(state.stiffness, first, free, stiffness)
 
+    return displace_lanes
+
+
+@functools.cache
+def packet_displace_kernel(options: KernelOptions) -> wp.Kernel:
+    """Kernel ``displace_vertices`` of the accelerated step."""
+    types, avatar_contact = cloth_types(options.precision), options.avatar_contact
+    vec4, Model, State, Step = types.vec4, types.Model, types.State, types.Step
+    Colliders = colliders_type(avatar_contact, options.collider)
+    displace_lanes = displace_lanes_function(options)
+
+    @wp.func
+    def fetch_ahead(model: Model, state: State, colliders: Colliders, first: int):
+        """Prefetches what vertices need of the avatar's field that are moved soon."""
+        if first + AHEAD + WIDTH <= model.weight.shape[0]:
+            for lane in range(WIDTH):
+                vertex = first + AHEAD + lane
+                if element(state.clearance, vertex) == 0.0:
+                    fetch_field(colliders[element(model.item, vertex)], wp.vec3d(element(state.position, vertex)))
+
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
         model: Model,
         state: State,
         step: Step,
         colliders: Colliders,
-        contact: cloth_contact_type(cloth_contact),
+        contact: cloth_contact_type(options.cloth_contact),
         order: wp.array(dtype=wp.int32),  # number that contact has for each vertex, shape [V]; empty: the same
         load_out: wp.array(dtype=vec4),  # the cloth's forces [N] and stiffness bounds [N/m], shape [V]; left at zero
     ):

@@ -32,7 +32,6 @@ DEFAULT_EASE = 0.04
 # Strain (99th percentile) above which a size is too tight somewhere, whatever its girths. A choice: at 10 % the stiffer
 # shipped fabrics pull with more than the 490 N/m at which a laboratory's tensile test ends.
 MOST_STRETCH = 0.10
-NO_SIZES = InputError("sizes", "no sizes are named", "give them from small to large: --size S,M,L")
 UNHELD = (ProblemCode.UNSUPPORTED, ProblemCode.FELL_OFF, ProblemCode.SLID_OFF, ProblemCode.DETACHED_PIECE)
 
 
@@ -236,32 +235,34 @@ def _sized_scenes(scene: Any, sizes: Sequence[str], changes: Sequence[str], on: 
         named = str(scene).replace(SIZE, size) if _names_size(scene) else scene
         return load_scene(named, [change.replace(SIZE, size) for change in changes], on=on, fabric=fabric)
 
-    sized = [change for change in changes if SIZE in change]
-    named = _names_size(scene)
-    if named and not sizes:
-        raise NO_SIZES
-    base = load(sizes[0] if sizes else SIZE, [change for change in changes if sizes or change not in sized])
+    sized = _names_size(scene) or any(SIZE in change for change in changes)
+    _check_named(sizes, sized)
+    base = load(sizes[0] if sizes else "", changes)
     if base.avatar is None:
         raise InputError("sizes", "the scene has no avatar to choose a size for", "add an [avatar]")
-    sized += [
+    files = [
         f"{key}.{'mesh' if spec.pattern is None else 'pattern'}={toml_text(str(spec.file.absolute()))}"
         for key, spec in zip(base.garment_keys, base.garments, strict=True)
         if spec.file is not None and SIZE in str(spec.file)
     ]
-    own = bool(sized) or named
-    graded = () if own else _graded(base)
-    if not own and not graded and not isinstance(base.garments[0].shape, TshirtShape):
-        raise InputError("sizes", "nothing in the scene depends on the size", f"override garment.mesh=shirt_{SIZE}.obj")
-    if own and not sizes:
-        raise NO_SIZES
-    plain = [change for change in changes if change not in sized]
-    if own:
-        return {size: load(size, [*plain, *sized]) for size in sizes}
+    _check_named(sizes, bool(files))
+    if files:
+        return {size: load(size, [*changes, *files]) for size in sizes}
+    if sized:
+        return {sizes[0]: base, **{size: load(size, changes) for size in sizes[1:]}}
     first = "garment" if len(base.garments) == 1 else "garment[0]"
-    if graded:
-        return {size: load(size, [*plain, f"{first}.size={toml_text(size)}"]) for size in sizes or graded}
+    if graded := _graded(base):
+        return {size: load(size, [*changes, f"{first}.size={toml_text(size)}"]) for size in sizes or graded}
+    if not isinstance(base.garments[0].shape, TshirtShape):
+        raise InputError("sizes", "nothing in the scene depends on the size", f"override garment.mesh=shirt_{SIZE}.obj")
     names = [size.upper() for size in sizes] or SIZES
-    return {size: load(size, [*plain, f"{first}.shape.size={size}"]) for size in names}
+    return {size: load(size, [*changes, f"{first}.shape.size={size}"]) for size in names}
+
+
+def _check_named(sizes: Sequence[str], depends: bool) -> None:
+    """Refuses a scene whose files depend on the size where no sizes are named."""
+    if depends and not sizes:
+        raise InputError("sizes", "no sizes are named", "give them from small to large: --size S,M,L")
 
 
 def _graded(scene: Scene) -> tuple[str, ...]:
