@@ -73,11 +73,8 @@ def drapes(figures: Figures, name: str, rings: int, discs: int) -> None:
     rubbing = resolve_fabric({**own, "bending_hysteresis_2HB": width})
     flat = drape(rings, rubbing, discs=discs)
     ends = {"elastic": elastic, "from_flat": flat, "let_down": let_down(flat, rubbing)}
-    figures.add(
-        f"{name}.measured",
-        f"{measured}",
-        f"%, {folds} folds; 2HB {width} gf cm/cm, HB / B {0.5 * width / rigidity:.2f}/cm",
-    )
+    unit = f"%, {folds} folds; 2HB {width} gf cm/cm, HB / B {0.5 * width / rigidity:.2f} per cm"
+    figures.add(f"{name}.measured", f"{measured}", unit)
     for end, found in ends.items():
         rests = sum(each.settled.check.within(DRAPED) for each in found)
         coefficients = [each.coefficient for each in found]
