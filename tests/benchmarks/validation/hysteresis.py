@@ -35,8 +35,7 @@ RUBBING = replace(FABRIC, bending_friction_warp=MOMENT, bending_friction_weft=MO
 SPANS = (1.5, 2.0, 3.0)
 # B [gf cm2/cm], 2HB [gf cm/cm], weight [g/m2], thickness [mm], drape coefficient [%] and folds of four samples:
 # Matsudaira, Masuda, Wada, Yokura, J. Textile Engineering 61(6) 69-73 (2015), tables 1 and 2, as quoted by the
-# repository antonbj3/3fold-motion-engine. Stretch and shear are typical of such cloth (of the shipped fabric):
-# not in that table.
+# repository antonbj3/3fold-motion-engine. Stretch and shear are those of the shipped fabric, typical of such cloth.
 PUBLISHED = {
     "cotton_broad": ("cotton", 0.118, 0.124, 123.8, 0.497, 82.9, 2),
     "wool_tropical": ("wool", 0.067, 0.033, 162.9, 0.407, 49.8, 5),
@@ -74,11 +73,8 @@ def drapes(figures: Figures, name: str, rings: int, discs: int) -> None:
     rubbing = resolve_fabric({**own, "bending_hysteresis_2HB": width})
     flat = drape(rings, rubbing, discs=discs)
     ends = {"elastic": elastic, "from_flat": flat, "let_down": let_down(flat, rubbing)}
-    figures.add(
-        f"{name}.measured",
-        f"{measured}",
-        f"%, {folds} folds; 2HB {width} gf cm/cm, HB / B {0.5 * width / rigidity:.2f}/cm",
-    )
+    unit = f"%, {folds} folds; 2HB {width} gf cm/cm, HB / B {0.5 * width / rigidity:.2f} per cm"
+    figures.add(f"{name}.measured", f"{measured}", unit)
     for end, found in ends.items():
         rests = sum(each.settled.check.within(DRAPED) for each in found)
         coefficients = [each.coefficient for each in found]
