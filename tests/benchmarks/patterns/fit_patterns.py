@@ -5,6 +5,8 @@
 Nothing is set but the garment, cotton, and the body that index.csv names. A row for each design: worn, vertices and
 iterations of both; median strain of both [%]; girths of the garment at chest,
 waist and hip, where it is closed, pattern minus mesh [mm].
+With --against-edge 14 the other one is the specification again, meshed with edges of 14 mm: how far two meshes of one
+design are apart.
 Results that are in --out already are not computed again; --at-once fits share a device.
 """
 
@@ -27,12 +29,13 @@ STRAIN, GIRTH = 0.3, 3.0  # [percentage points, mm] by which the two may differ
 BODIES = ("garmentcode", "bodies")  # folders of --data that hold the bodies of index.csv
 
 
-def fitted(kind: str, file: Path, body: Path, out: Path, device: str) -> dict[str, Any]:
-    """The report of a fit."""
+def fitted(kind: str, file: Path, body: Path, out: Path, device: str, edge_mm: float | None = None) -> dict[str, Any]:
+    """The report of a fit; ``edge_mm``: of a pattern's mesh, None by default."""
     if not (out / "report.json").exists():
         out.parent.mkdir(parents=True, exist_ok=True)
         scene = out.with_suffix(".toml")
         garment = f'[garment]\n{kind} = "{file.resolve()}"\nfabric = "cotton"\n'
+        garment += f"edge_mm = {edge_mm:g}\n" if edge_mm is not None else ""
         scene.write_text(f'{garment}[avatar]\nmesh = "{body.resolve()}"\n')
         words = [
             sys.executable,
@@ -58,8 +61,12 @@ def both(row: dict[str, str], args: argparse.Namespace) -> list[dict[str, Any]]:
     """The reports of a design from its specification and from its mesh."""
     name = row["name"]
     body = next(path for part in BODIES if (path := args.data / part / f"{row['body']}.obj").exists())
-    files = {"pattern": args.designs / "specs" / f"{name}_specification.json", "mesh": args.designs / f"{name}.obj"}
-    return [fitted(kind, file, body, args.out / f"{name}_{kind}", args.device) for kind, file in files.items()]
+    pattern = args.designs / "specs" / f"{name}_specification.json"
+    one = fitted("pattern", pattern, body, args.out / f"{name}_pattern", args.device)
+    edge = args.against_edge
+    if edge is not None:
+        return [one, fitted("pattern", pattern, body, args.out / f"{name}_pattern_{edge:g}", args.device, edge)]
+    return [one, fitted("mesh", args.designs / f"{name}.obj", body, args.out / f"{name}_mesh", args.device)]
 
 
 def girths(report: dict[str, Any]) -> dict[str, float]:
@@ -73,6 +80,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--only", nargs="*", default=[], metavar="NAME")
+    parser.add_argument("--against-edge", type=float, metavar="MM")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--at-once", type=int, default=1, metavar="N")
     add_write_option(parser)
