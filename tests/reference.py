@@ -136,7 +136,7 @@ def _factorised(potential: Potential) -> Callable[[np.ndarray], np.ndarray]:
     """Solves with the linearised forces of the shape that the potential was asked for last."""
     model = potential.model
     table = build_pairs(model)
-    kernels, types = stiffness_kernels("float64", model.terms.angles), cloth_types("float64")
+    kernels, types = stiffness_kernels("float64", model.terms), cloth_types("float64")
     own = stiffness_types("float64")
     gradient = wp.zeros((4, model.hinge_count), dtype=types.vec3, device="cpu")
     side = wp.zeros((3, model.weave_count), dtype=own.vec6, device="cpu")

@@ -191,6 +191,7 @@ def test_a_scene_without_contact_builds_none(scene: str, monkeypatch: pytest.Mon
         "weave": True,
         "bending": True,
         "rest angles": False,
+        "bending friction": False,
         "pins": True,
         "momentum": True,
         "avatar contact": False,

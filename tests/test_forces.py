@@ -33,7 +33,7 @@ FABRIC = resolve_fabric({"stretch": 20e3, "shear": "edges", "compression": 0.1, 
 WOVEN = replace(FABRIC, stretch_weft=9e3, shear=800.0)
 MESH = grid(5)
 ACCUMULATED = (Accumulate.STIFFNESS, Accumulate.ANISOTROPIC_STIFFNESS, Accumulate.MAGNITUDE)
-TERMS = ("tension", "bending", "both", "woven", "angles")
+TERMS = ("tension", "bending", "both", "woven", "angles", "hysteresis")
 SHAPES = ("random", "folded", "nearly_flat")
 
 
@@ -63,9 +63,13 @@ def model_with(
     fabric = WOVEN if terms == "woven" else FABRIC
     plain = build_rest_shape(MESH, fabric, rest="mesh")
     rest = replace(build_rest_shape(mesh, fabric, rest="mesh"), hinge_stiffness=plain.hinge_stiffness)
-    rest = without(rest, tension=terms in ("bending", "angles"), bending=terms == "tension")
+    rest = without(rest, tension=terms in ("bending", "angles", "hysteresis"), bending=terms == "tension")
     if terms == "angles":
         rest = replace(rest, hinge_angle=np.random.default_rng(8).uniform(-2.5, 2.5, len(rest.hinge_stiffness)))
+    if terms == "hysteresis":  # folds of both sides of the one at which friction slips
+        laid = np.random.default_rng(9).uniform(-2.5, 2.5, len(rest.hinge_stiffness))
+        slider = np.column_stack([rest.hinge_stiffness, np.full(len(laid), 1.0)])
+        rest = replace(rest, hinge_slider=slider, hinge_laid=laid)
     model = model_of(mesh, rest, precision=precision, device=device, gathers=gathers)
     model.set_points(points)
     return model

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from meshfiles import write_obj, write_panels
 from warp_cloth.anatomy.openings import ARMS, LEGS, limbs_for
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.garment.front import CERTAIN, front_of
 from warp_cloth.garment.outfit import Outfit, load_outfit
 from warp_cloth.scene import load_scene
 from warp_cloth.shapes import SIZE_BODIES, mannequin
@@ -70,6 +72,35 @@ def test_a_garment_that_is_turned_is_turned_back_with_its_front_before(
     assert wearing is not None
     assert not wearing.start_fault
     assert outfit.meshes[0].points == pytest.approx(tshirt.points, abs=0.06)  # round the body, not round the origin
+
+
+@pytest.mark.parametrize(("cut", "turns"), [(1.0, True), (0.0, False)])
+def test_a_garment_that_is_back_to_front_is_turned_where_its_cut_tells(
+    tmp_path: Path, tshirt: Mesh, cut: float, turns: bool
+) -> None:
+    """With a low neckline, and wider in front at the waist; as the T-shirt is, that is only doubted."""
+    half = np.array([-1.0, 1.0, -1.0])
+    front = tshirt.points[:, 2] > tshirt.points[:, 2].mean()
+    assert tshirt.texcoords is not None
+    points, texcoords = tshirt.points.copy(), tshirt.texcoords.copy()
+    low = front & (np.abs(points[:, 0]) < 0.12) & (points[:, 1] > points[:, 1].max() - 0.2)
+    points[low, 1] -= 0.15 * cut
+    texcoords[front[tshirt.triangles].all(axis=1), :, 0] *= 1.0 + 0.3 * cut
+    outfit = read(tmp_path, replace(tshirt, points=points, texcoords=texcoords), lambda points: points * half)
+    assert choices(outfit) == ({"rotate": (0.0, 180.0, 0.0)} if turns else {})
+    assert outfit.meshes[0].points == pytest.approx(points * (1.0 if turns else half), abs=1e-6)
+    assert any("back to front" in note for note in outfit.meshes[0].notes) == (not turns)
+
+
+def test_panels_names_tell_the_front(tmp_path: Path, tshirt: Mesh) -> None:
+    half = np.array([-1.0, 1.0, -1.0])
+    named = replace(tshirt, points=tshirt.points * half)
+    outfit = read(tmp_path, named, lambda points: points)
+    (wearing,) = outfit.wearing
+    assert wearing is not None
+    areas = np.ones(len(named.triangles))
+    assert front_of(wearing, wearing.start, areas, named).score < -CERTAIN
+    assert front_of(wearing, wearing.start * half, areas, named).score > CERTAIN
 
 
 def test_what_is_stated_stays(tmp_path: Path, tshirt: Mesh) -> None:

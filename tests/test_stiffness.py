@@ -38,7 +38,7 @@ def matrix_of(model: ClothModel) -> np.ndarray:
     """The couplings as one matrix, shape [3 V, 3 V]: what moving the vertices takes off the forces [N/m]."""
     table = build_pairs(model)
     own = stiffness_types(model.precision)
-    kernels = stiffness_kernels(model.precision, model.terms.angles)
+    kernels = stiffness_kernels(model.precision, model.terms)
     gradient = wp.zeros((4, model.hinge_count), dtype=wp.vec3d, device="cpu")
     side = wp.zeros((3, model.weave_count), dtype=own.vec6, device="cpu")
     coupling = wp.zeros(2 * len(table.ends), dtype=own.mat3, device="cpu")

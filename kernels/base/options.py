@@ -67,6 +67,15 @@ class SpringField(enum.IntEnum):
     HINGE = 3  # C of its hinge [N m]; of ``edge_constants``
 
 
+class SliderField(enum.IntEnum):
+    """Where a figure of a hinge's friction stands in ``hysteresis`` of Edges, Hinges, Patches (kernels.base.types)."""
+
+    MOMENT = 0  # at which it slips [N m]
+    STEEPNESS = 1  # inverse of the fold at which it does
+    COSINE = 2  # of the angle that the cloth was laid into
+    SINE = 3
+
+
 class YarnField(enum.IntEnum):
     """Where a figure of a woven triangle stands in ``Weave.yarns``, ``Triangles.yarns`` and ``Patches.yarns``."""
 
@@ -102,6 +111,7 @@ class Terms(NamedTuple):
     yarns: bool
     angles: bool = False  # folds that are not flat at rest
     pins: bool = False  # vertices that stay
+    hysteresis: bool = False  # friction in folds
 
 
 NO_TERMS = Terms(False, False, False)

@@ -134,6 +134,7 @@ def _elements(types: SimpleNamespace) -> dict[str, type]:
         # C of its hinge [N m], negative where the second triangle is wound likewise
         hinge_stiffness: wp.array(dtype=real)
         rest: wp.array(dtype=vec2)  # cosine and sine of its hinge's rest angle
+        hysteresis: wp.array(dtype=vec4)  # friction of its hinge, by options.SliderField, where folds have any
 
     @wp.struct
     class Triangles:
@@ -167,6 +168,7 @@ def _measured(types: SimpleNamespace) -> dict[str, type]:
         corners: wp.array(dtype=wp.vec4i)  # axis start, axis end, two wings
         stiffness: wp.array(dtype=real)  # C [N m]
         rest: wp.array(dtype=vec2)  # cosine and sine of the rest angle, where cloth is not flat at rest
+        hysteresis: wp.array(dtype=vec4)  # as Edges.hysteresis
 
     @wp.struct
     class Weave:
@@ -228,6 +230,7 @@ def _patches(types: SimpleNamespace) -> dict[str, type]:
         edge_constants: wp.array(dtype=vec4)  # of options.SpringField; where there are edges
         hinge_stiffness: wp.array(dtype=real)  # as Edges.hinge_stiffness, where there are folds only
         rest: wp.array(dtype=vec2)  # as Edges.rest
+        hysteresis: wp.array(dtype=vec4)  # as Edges.hysteresis
         corners: wp.array(dtype=wp.uint64)  # of a triangle
         sides: wp.array(dtype=wp.uint64)  # its edges, opposite to the corners; bits: whose torque is negated
         slope: wp.array(dtype=vec4)  # as Triangles.slope

@@ -4,9 +4,9 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.base.options import Yarn
+from warp_cloth.kernels.base.options import SliderField, Terms, Yarn
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
-from warp_cloth.kernels.laws.energy import bending_energy, tension_energy, yarn_energy
+from warp_cloth.kernels.laws.energy import bending_energy, slider_energy, tension_energy, yarn_energy
 from warp_cloth.kernels.laws.hinge import hinge_normals, rotated_back
 from warp_cloth.kernels.laws.tension import spring_constants
 from warp_cloth.kernels.laws.yarn import bias_vectors, warp_vector, weft_vector, yarn_stiffness
@@ -68,10 +68,10 @@ def measure_weave_kernel(precision: str) -> wp.Kernel:
 
 
 @functools.cache
-def measure_bending_kernel(precision: str, angles: bool) -> wp.Kernel:
-    """Kernel ``measure_bending``, of hinges with rest angles or flat ones."""
+def measure_bending_kernel(precision: str, terms: Terms) -> wp.Kernel:
+    """Kernel ``measure_bending``, of hinges with rest angles or flat ones, with friction or without."""
     types = cloth_types(precision)
-    real, State, Hinges = types.real, types.State, types.Hinges
+    real, vec2, State, Hinges = types.real, types.vec2, types.State, types.Hinges
     hinge_sides = hinge_sides_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -80,16 +80,21 @@ def measure_bending_kernel(precision: str, angles: bool) -> wp.Kernel:
         hinges: Hinges,
         energy_out: wp.array(dtype=wp.float64),  # [J], shape [H]
     ):
-        """Energy of each hinge; none where a triangle has no area."""
+        """Energy of each hinge and what its friction has taken since it was laid; none where a triangle has no area."""
         hinge = wp.tid()
         corners = hinges.corners[hinge]
         axis, wing_0, wing_1 = hinge_sides(state.position, corners)
         normal_0, normal_1, area_0, area_1 = hinge_normals(axis, wing_0, wing_1)
-        if wp.static(angles):
-            normal_1 = rotated_back(normal_1, axis, hinges.rest[hinge])
+        against = normal_1
+        if wp.static(terms.angles):
+            against = rotated_back(normal_1, axis, hinges.rest[hinge])
         energy = real(0.0)
         if area_0 > real(0.0) and area_1 > real(0.0):
-            energy = bending_energy(normal_0, normal_1, hinges.stiffness[hinge])
+            energy = bending_energy(normal_0, against, hinges.stiffness[hinge])
+            if wp.static(terms.hysteresis):
+                slider = hinges.hysteresis[hinge]
+                laid = rotated_back(normal_1, axis, vec2(slider[SliderField.COSINE], slider[SliderField.SINE]))
+                energy += slider_energy(normal_0, laid, slider[SliderField.MOMENT], slider[SliderField.STEEPNESS])
         energy_out[hinge] = wp.float64(energy)
 
     return measure_bending

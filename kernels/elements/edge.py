@@ -9,10 +9,11 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.options import Accumulate
+from warp_cloth.kernels.base.options import Accumulate, SliderField, Terms
 from warp_cloth.kernels.base.types import cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.laws.bending import SHORTEST, hinge_torque
 from warp_cloth.kernels.laws.hinge import rotated_back
+from warp_cloth.kernels.laws.hysteresis import friction_torque
 from warp_cloth.kernels.laws.tension import (
     damped_change,
     spring_constants,
@@ -75,10 +76,10 @@ def span_functions(precision: str, accumulate: Accumulate) -> SimpleNamespace:
 
 
 @functools.cache
-def edge_functions(precision: str, accumulate: Accumulate, angles: bool, lanes: int = 1) -> SimpleNamespace:
-    """Functions ``edge_load`` (its tension) and ``edge_fold`` (its hinge, with rest angles or flat).
+def edge_functions(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> SimpleNamespace:
+    """Functions ``edge_load`` (its tension) and ``edge_fold`` (its hinge, flat at rest or not, with friction or not).
 
-    Of one edge, with ``edge_span``; or of a packet, none of which is measured exactly or has a rest angle.
+    Of one edge, with ``edge_span``; or of a packet, none of which is measured exactly, has a rest angle or friction.
     """
     types, shapes = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     real, wide, vec2, Step = types.real, types.wide, types.vec2, types.Step
@@ -110,20 +111,31 @@ def edge_functions(precision: str, accumulate: Accumulate, angles: bool, lanes: 
         return vector4(component(force, 0), component(force, 1), component(force, 2), bound)
 
     @wp.func
-    def edge_fold(span: Span, first: vec4, second: vec4, hinge_stiffness: one, rest: vec2, step: Step):
+    def edge_fold(
+        span: Span, first: vec4, second: vec4, hinge_stiffness: one, rest: vec2, slider: types.vec4, step: Step
+    ):
         """Torque of an edge's hinge over its length L [N], bound of its stiffness [N/m] and L^2 [m2].
 
-        ``first`` and ``second`` are of ``triangle_normal``.
+        ``first`` and ``second`` are of ``triangle_normal``; ``rest`` and ``slider`` as of Edges, read where in use.
         """
         normal_0 = vector3(component(first, 0), component(first, 1), component(first, 2))
         normal_1 = vector3(component(second, 0), component(second, 1), component(second, 2))
-        if wp.static(angles):
+        laid = normal_1
+        if wp.static(terms.angles):
             normal_1 = rotated_back(normal_1, span.side, rest)
         allowance = span.move * step.allowance
         torque, bound = hinge_torque(
             normal_0, component(first, 3), normal_1, component(second, 3),
             span.side, span.length, hinge_stiffness, allowance,
         )  # fmt: skip
+        if wp.static(terms.hysteresis):
+            laid = rotated_back(laid, span.side, vec2(slider[SliderField.COSINE], slider[SliderField.SINE]))
+            friction, stiffer = friction_torque(
+                normal_0, component(first, 3), laid, component(second, 3), span.side, span.length,
+                hinge_stiffness, slider[SliderField.MOMENT], slider[SliderField.STEEPNESS],
+            )  # fmt: skip
+            torque += friction
+            bound += stiffer
         return vector3(torque * span.inverse, bound, inner(span.side, span.side))
 
     spans = span_functions(precision, accumulate)

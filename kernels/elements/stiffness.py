@@ -11,10 +11,11 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.options import SlopeField
+from warp_cloth.kernels.base.options import SliderField, SlopeField, Terms
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
 from warp_cloth.kernels.laws.bending import THINNEST
 from warp_cloth.kernels.laws.hinge import hinge_normals, rotated_back
+from warp_cloth.kernels.laws.hysteresis import slider_stiffness
 from warp_cloth.kernels.laws.tension import spring_constants, tension_force, tension_stiffness
 from warp_cloth.kernels.laws.yarn import DIAGONAL, warp_vector, weft_vector, yarn_of, yarn_stiffness
 from warp_cloth.kernels.math.symmetric import full_matrix, matrix_type, multiple_of_unit, outer
@@ -54,10 +55,10 @@ def spring_stiffness(d: Any, change: Any, rest: Any, pull: Any, push: Any, allow
 
 
 @functools.cache
-def linearise_hinges_kernel(precision: str, angles: bool) -> wp.Kernel:
-    """Kernel ``linearise_hinges``, of hinges with rest angles or flat ones."""
+def linearise_hinges_kernel(precision: str, terms: Terms) -> wp.Kernel:
+    """Kernel ``linearise_hinges``, of hinges with rest angles or flat ones, with friction or without."""
     types = cloth_types(precision)
-    real, vec3, State, Hinges = types.real, types.vec3, types.State, types.Hinges
+    real, vec2, vec3, State, Hinges = types.real, types.vec2, types.vec3, types.State, types.Hinges
     hinge_sides = hinge_sides_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -66,7 +67,10 @@ def linearise_hinges_kernel(precision: str, angles: bool) -> wp.Kernel:
         hinges: Hinges,
         gradient_out: wp.array2d(dtype=vec3),  # sqrt(C sin theta) times the angle's gradient, shape [4, H]
     ):
-        """Stores a root of a hinge's stiffness, C sin(theta) grad(theta) grad(theta)^T, for each corner."""
+        """Stores a root of a hinge's stiffness, C sin(theta) grad(theta) grad(theta)^T, for each corner.
+
+        Friction adds that of ``slider_stiffness``.
+        """
         hinge = wp.tid()
         corners = hinges.corners[hinge]
         axis, wing_0, wing_1 = hinge_sides(state.position, corners)
@@ -76,10 +80,16 @@ def linearise_hinges_kernel(precision: str, angles: bool) -> wp.Kernel:
         # the torque of a collapsing triangle fades, as that of laws.bending.hinge_torque does
         faded = wp.min(area_0 / least, real(1.0)) * wp.min(area_1 / least, real(1.0))
         against = normal_1
-        if wp.static(angles):
+        if wp.static(terms.angles):
             against = rotated_back(normal_1, axis, hinges.rest[hinge])
         bent = wp.length(wp.cross(normal_0, against)) * faded
-        root = wp.sqrt(hinges.stiffness[hinge] * bent)
+        stiff = hinges.stiffness[hinge] * bent
+        if wp.static(terms.hysteresis):
+            slider = hinges.hysteresis[hinge]
+            laid = rotated_back(normal_1, axis, vec2(slider[SliderField.COSINE], slider[SliderField.SINE]))
+            fold = wp.length(normal_0 - laid)
+            stiff += slider_stiffness(fold, slider[SliderField.MOMENT], slider[SliderField.STEEPNESS]) * faded
+        root = wp.sqrt(stiff)
         g2 = normal_0 * (root * length / wp.max(area_0, least))
         g3 = normal_1 * (root * length / wp.max(area_1, least))
         scale = real(1.0) / (length * length + real(1.0e-30))
@@ -187,10 +197,10 @@ def couple_pairs_kernel(precision: str) -> wp.Kernel:
 
 
 @functools.cache
-def stiffness_kernels(precision: str, angles: bool) -> SimpleNamespace:
-    """The three kernels, in the order of their launches; ``angles``: whether hinges have rest angles."""
+def stiffness_kernels(precision: str, terms: Terms) -> SimpleNamespace:
+    """The three kernels, in the order of their launches."""
     return SimpleNamespace(
-        linearise_hinges=linearise_hinges_kernel(precision, angles),
+        linearise_hinges=linearise_hinges_kernel(precision, terms),
         linearise_weave=linearise_weave_kernel(precision),
         couple_pairs=couple_pairs_kernel(precision),
     )

@@ -1,6 +1,6 @@
-"""Energies of tension, yarns and bending, of which the forces are minus the gradient; the certificate reports them.
+"""Energies of tension, yarns, bending and its friction: forces are minus their gradient. The certificate reports them.
 
-They are apart from the forces because + - * / here are Warp's own, of one value.
+The certificate reports them. They are apart from the forces because + - * / here are Warp's own, of one value.
 """
 
 from typing import Any
@@ -35,3 +35,17 @@ def bending_energy(normal_0: Any, normal_1: Any, stiffness: Any):
     if angle > type(stiffness)(0.1):
         excess = angle - wp.sin(angle)
     return stiffness * excess
+
+
+@wp.func
+def slider_energy(normal_0: Any, normal_1: Any, moment: Any, steepness: Any):
+    """Potential of a hinge's friction [J], of which ``friction_torque`` is minus the derivative by the angle a.
+
+    Up to the fold e = 1 / ``steepness``, 2 sin(a / 2) = e, it is m / e 8 sin^2(a / 4); beyond it m per angle more.
+    """
+    zero, one, half = type(moment)(0.0), type(moment)(1.0), type(moment)(0.5)
+    angle = type(moment)(2.0) * wp.atan2(wp.length(normal_0 - normal_1), wp.length(normal_0 + normal_1))
+    slipping = type(moment)(2.0) * wp.asin(wp.min(half / steepness, one))
+    sine = wp.sin(type(moment)(0.25) * wp.min(angle, slipping))
+    clinging = type(moment)(8.0) * moment * steepness * sine * sine
+    return clinging + moment * wp.max(angle - slipping, zero)

@@ -138,7 +138,7 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
         types.Edges,
         types.Step,
     )
-    functions = edge_functions(precision, Accumulate.ANISOTROPIC_STIFFNESS, terms.angles)
+    functions = edge_functions(precision, Accumulate.ANISOTROPIC_STIFFNESS, terms)
     edge_span, edge_fold = functions.edge_span, functions.edge_fold
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -159,14 +159,16 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
         if rests(model, ends[0]):
             return
         adjacent = element(edges.adjacent_triangles, edge)
-        rest = vec2()
+        rest, slider = vec2(), vec4()
         if wp.static(terms.angles):
             rest = element(edges.rest, edge)
+        if wp.static(terms.hysteresis):
+            slider = element(edges.hysteresis, edge)
         move, other = displacement_at(state, ends[0]), displacement_at(state, ends[1])
         first, second = position_at(state, ends[0]), position_at(state, ends[1])
         span = edge_span(first, second, move, other, root(inner(move, move)))
         normal_0, normal_1 = element(normal, adjacent[0]), element(normal, adjacent[1])
-        fold = edge_fold(span, normal_0, normal_1, element(edges.hinge_stiffness, edge), rest, step)
+        fold = edge_fold(span, normal_0, normal_1, element(edges.hinge_stiffness, edge), rest, slider, step)
         bound_out[edge] = fold[1]
 
     return bound_folds

@@ -90,13 +90,16 @@ def packet_normals_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def edges_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Kernel:
-    """Kernel ``add_edges``; ``accumulate``: what is summed besides forces; of packets, without rest angles, a bound."""
+    """Kernel ``add_edges``; ``accumulate``: what is summed besides forces.
+
+    Of packets it is a bound, and hinges are flat at rest and have no friction.
+    """
     types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     Model, State, Step, Edges, Span = types.Model, types.State, types.Step, types.Edges, span_type(precision, lanes)
     vec2, vec4, like, memory = types.vec2, types.vec4, wp.constant(types.real(0.0)), lane_memory(precision, lanes)
     first_of, active, load_at, store, add_to = memory.first, memory.active, memory.load_at, memory.store, memory.add
     load, load_sides = memory.load, memory.load_sides
-    functions = edge_functions(precision, accumulate, terms.angles, lanes)
+    functions = edge_functions(precision, accumulate, terms, lanes)
     edge_load, edge_fold = functions.edge_load, functions.edge_fold
 
     @wp.func
@@ -136,14 +139,16 @@ def edges_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: in
             back = vector4(-component(own, 0), -component(own, 1), -component(own, 2), component(own, 3))
             add_to(load_out, edges.ends, first, some, own, back)
         if wp.static(terms.folds):
-            rest = vec2()
+            rest, slider = vec2(), vec4()
             if wp.static(terms.angles):
                 rest = element(edges.rest, first)
+            if wp.static(terms.hysteresis):
+                slider = element(edges.hysteresis, first)
             normal_0, normal_1 = (
                 load_at(normal, edges.adjacent_triangles, first, 0),
                 load_at(normal, edges.adjacent_triangles, first, 1),
             )
-            fold = edge_fold(span, normal_0, normal_1, load(edges.hinge_stiffness, first), rest, step)
+            fold = edge_fold(span, normal_0, normal_1, load(edges.hinge_stiffness, first), rest, slider, step)
             store(fold_out, first, vector4(component(fold, 0), component(fold, 1), component(fold, 2), span.length))
 
     return add_edges

@@ -207,7 +207,7 @@ def patch_edge_function(options: KernelOptions) -> wp.Function:
     vec2, vec3, vec4 = types.vec2, types.vec3, types.vec4
     access = access_functions(precision, fits)
     point_at, row_at, put_row = access.point_at, access.row_at, access.put_row
-    edge = edge_functions(precision, accumulate, terms.angles)
+    edge = edge_functions(precision, accumulate, terms)
     side_span, edge_load, edge_fold = edge.side_span, edge.edge_load, edge.edge_fold
     exact = takes_exact_stretch(precision, accumulate)
 
@@ -236,10 +236,12 @@ def patch_edge_function(options: KernelOptions) -> wp.Function:
             put_row(context, context.memory.edge_load, local, load)
         fold = vec3()
         if wp.static(terms.folds):
-            rest = vec2()
+            rest, slider = vec2(), vec4()
             if wp.static(terms.angles):
                 rest = element(context.patches.rest, context.patch.edge_start + local)
-            fold = edge_fold(span, normal_0, normal_1, constants[SpringField.HINGE], rest, context.step)
+            if wp.static(terms.hysteresis):
+                slider = element(context.patches.hysteresis, context.patch.edge_start + local)
+            fold = edge_fold(span, normal_0, normal_1, constants[SpringField.HINGE], rest, slider, context.step)
         return fold
 
     return compute_edge

@@ -19,6 +19,7 @@ from warp_cloth.bench.trials import (
     bend,
     cantilever,
     drape,
+    let_down,
     pull,
     released,
     shear,
@@ -130,6 +131,9 @@ def run_bench(
     draped = drape(rings, fabric, discs=discs, device=device)
     coefficients = [disc.coefficient for disc in draped]
     findings += _draped(coefficients, draped)
+    if fabric.rubs(directed=True):
+        down = [disc.coefficient for disc in let_down(draped, fabric, device=device)]
+        findings.append(Finding("drape coefficient, let down from the hang", "%", float(np.mean(down))))
     middle = draped[int(np.argmin(np.abs(np.array(coefficients) - np.mean(coefficients))))]
     shown = WornGarment("disc", middle.mesh, middle.settled.points, fabric.thickness, None)
     return Bench(fabric, tuple(findings), tuple(curves), shown)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +12,14 @@ import warp as wp
 from PIL import Image, ImageDraw
 
 from warp_cloth.base.mesh import Indices, Mesh, Points
-from warp_cloth.bench.specimen import Settled, Specimen, Specimens, piece
+from warp_cloth.bench.specimen import Settled, Specimen, Specimens, laid_by, piece
 from warp_cloth.bench.swatch import along, disc, on_finer_disc
 from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.step_options import StepOptions
 
 if TYPE_CHECKING:
+    from warp_cloth.garment.garment import Garment
+    from warp_cloth.garment.rest import Floats
     from warp_cloth.material.fabric import Fabric
 
 BALANCED = Tolerance(relative_rms=2e-4, relative_p99=2e-3, rest_error=1e-5)  # clamp forces are then exact to 0.1 %
@@ -30,6 +32,7 @@ SUPPORT_RADIUS = 0.09  # [m], of the support in Cusick's test
 DISC_RADIUS = 0.15  # [m]
 SHADOW_PIXEL = 2.5e-4  # [m]; a disc's shadow is then exact to 0.1 points
 DRAPE_MODES = range(3, 10)  # waves around the disc at the start, 1 mm high: cloth is never perfectly flat
+HUNG = 3.0  # times its weight under which cloth hangs before it is let down
 HANGING = Tolerance(relative_rms=0.002, relative_p99=0.02, rest_error=1e-4)
 DRAPED = Tolerance(relative_rms=0.01, relative_p99=0.05, rest_error=2e-4)  # the shadow is then exact to 0.5 points
 
@@ -202,6 +205,24 @@ def drape(
     return [Drape(mesh, each) for mesh, each in zip(meshes, settled, strict=True)]
 
 
+def let_down(
+    draped: Sequence[Drape], fabric: Fabric, *, device: str = "cpu", iterations: int = DRAPE_ITERATIONS
+) -> list[Drape]:
+    """The same discs again, pulled down by HUNG times their weight and let up to their own.
+
+    ``drape`` lays cloth from the flat. Where friction in bending keeps what was laid, these are the other end of the
+    band in which it may rest; without friction they hang as before.
+    """
+    heavy = [Hanging(each.mesh, fabric, each.settled.points, load=HUNG) for each in draped]
+    pulled = hung(heavy, device, iterations, near_rest=True)
+    start = []
+    for each, shape in zip(draped, pulled, strict=True):
+        rest = piece(each.mesh, fabric, held_by_support(each.mesh)).rest
+        start.append(Hanging(each.mesh, fabric, shape.points, laid=laid_by(rest, shape.points)))
+    settled = hung(start, device, iterations, near_rest=True)
+    return [Drape(each.mesh, shape) for each, shape in zip(draped, settled, strict=True)]
+
+
 def drape_disc(rings: int, disc_radius: float = DISC_RADIUS, seed: int = 0) -> Mesh:
     """Cusick's disc [m] without its centre: two rings of vertices on the support are enough.
 
@@ -236,6 +257,14 @@ class Hanging:
     mesh: Mesh
     fabric: Fabric
     start: Points  # [m], shape [V, 3]
+    laid: Floats | None = None  # angles that its hinges were laid into [rad], shape [H]; None: flat
+    load: float = 1.0  # times its own weight
+
+    @property
+    def garment(self) -> Garment:
+        """The disc as it enters a model."""
+        own = piece(self.mesh, self.fabric, held_by_support(self.mesh), laid=self.laid)
+        return replace(own, rest=replace(own.rest, vertex_weight=self.load * own.rest.vertex_weight))
 
 
 def hung(discs: Sequence[Hanging], device: str, iterations: int, *, near_rest: bool = False) -> list[Settled]:
@@ -244,17 +273,22 @@ def hung(discs: Sequence[Hanging], device: str, iterations: int, *, near_rest: b
     held = {id(each.mesh): held_by_support(each.mesh) for each in discs}
     settled: list[Settled] = []
     for group in [discs] if wp.get_device(device).is_cuda else [[each] for each in discs]:
-        alike = {(id(each.mesh), id(each.fabric)): each for each in group}
-        pieces = {key: piece(each.mesh, each.fabric, held[key[0]]) for key, each in alike.items()}
+        alike = {_kind(each): each for each in group}
+        pieces = {key: each.garment for key, each in alike.items()}
         starts = []
         for each in group:
             start, clamped = each.start.copy(), held[id(each.mesh)]
             start[clamped] = each.mesh.points[clamped]
             starts.append(start)
-        all_pieces = [pieces[id(each.mesh), id(each.fabric)] for each in group]
+        all_pieces = [pieces[_kind(each)] for each in group]
         specimens = Specimens(all_pieces, weightless=False, device=device, options=options)
         settled += specimens.settle_all(starts, DRAPED, iterations, near_rest=near_rest)
     return settled
+
+
+def _kind(disc: Hanging) -> tuple[int, int, int, float]:
+    """Equal for discs that only start differently."""
+    return id(disc.mesh), id(disc.fabric), id(disc.laid), disc.load
 
 
 def drape_coefficient(points: Points, triangles: Indices) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.mesh import Indices
 from warp_cloth.base.topology import Topology
 from warp_cloth.garment.rest import Floats, RestShape
-from warp_cloth.kernels.base.options import SpringField
+from warp_cloth.kernels.base.options import SliderField, SpringField
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +23,7 @@ class Elements:
     adjacent_triangles: Indices  # of each edge's hinge, 0 where it has none, shape [E, 2]
     hinge_stiffness: Floats  # C of that hinge [N m], negative where both triangles run along the edge, shape [E]
     rest: Floats  # cosine and sine of its rest angle, shape [E, 2]
+    hysteresis: Floats  # its friction, by SliderField, shape [E, 4]
     corners: Indices  # shape [F, 3]
     edges: Indices  # opposite to each corner, -1 - edge where the hinge's torque has the other sign, shape [F, 3]
     slope: Floats  # as YarnConstants.slope, zero where there are no yarns, shape [F, 4]
@@ -70,6 +71,9 @@ def garment_elements(triangles: Indices, rest: RestShape, winding: Winding | Non
     angles[:, 0] = 1.0
     if rest.hinge_angle is not None:
         angles[edge, 0], angles[edge, 1] = np.cos(rest.hinge_angle[stiff]), np.sin(rest.hinge_angle[stiff])
+    hysteresis = np.zeros((count, len(SliderField)))
+    if rest.hinge_slider is not None:
+        hysteresis[edge] = rest.hinge_hysteresis[stiff]
     slope, yarns = (np.zeros((len(triangles), 4)) for _ in range(2))
     if rest.yarns is not None:
         slope[rest.yarns.triangles], yarns[rest.yarns.triangles] = rest.yarns.slope, rest.yarns.packed
@@ -77,13 +81,23 @@ def garment_elements(triangles: Indices, rest: RestShape, winding: Winding | Non
     spring[:, SpringField.LENGTH] = rest.edge_length
     spring[:, SpringField.PULL], spring[:, SpringField.PUSH] = rest.edge_pull, rest.edge_push
     return Elements(
-        winding.ends, spring, winding.adjacent_triangles, stiffness, angles, triangles, winding.edges, slope, yarns
+        winding.ends,
+        spring,
+        winding.adjacent_triangles,
+        stiffness,
+        angles,
+        hysteresis,
+        triangles,
+        winding.edges,
+        slope,
+        yarns,
     )
 
 
 def elements_of(elements: Elements, real: type[np.floating[Any]]) -> Elements:
     """The elements with floating-point numbers of the device's type."""
     floats = {
-        name: getattr(elements, name).astype(real) for name in ("spring", "hinge_stiffness", "rest", "slope", "yarns")
+        name: getattr(elements, name).astype(real)
+        for name in ("spring", "hinge_stiffness", "rest", "hysteresis", "slope", "yarns")
     }
     return replace(elements, **floats)

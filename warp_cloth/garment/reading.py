@@ -1,12 +1,13 @@
 """How to read a garment that starts on no limb, or a body beside it: in another unit, another axis up, or turned.
 
-A file of another tool may state neither; round the body it shows, by the limbs that pass through the openings.
+A file of another tool may state neither; round the body it shows, by the limbs that pass through the openings, and by
+the garment's cut, which tells its front.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -15,6 +16,9 @@ from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.units import METRES_PER, LengthUnit
+from warp_cloth.garment.front import CERTAIN, DOUBTFUL, Front, front_of
+from warp_cloth.garment.garment import Garment
+from warp_cloth.garment.triangles import triangle_areas, triangle_sides
 from warp_cloth.loading import AXIS_UNKNOWN, Placement, fitting_reading, from_z_up, was_guessed
 from warp_cloth.scene import GarmentSpec, Scene
 
@@ -31,26 +35,65 @@ TURNED = 45.0  # [degrees] from the body's left, beyond which a garment is turne
 SQUARE, QUARTER = 5.0, 90.0  # [degrees]; so near to a quarter turn, it is one
 NEARER = 0.5  # times as far from the limbs, another reading is the right one
 BESIDE = 0.1  # [m] from the body's middle, from where on a garment may be beside it
-DEEP_NECK = 0.02  # [m]; a neckline that is lower on one side by more is lower in front
 
 
-def read_again(scene: Scene, meshes: Sequence[Mesh], worn: Sequence[Wearing | None]) -> tuple[Scene, list[Choice]]:
+def read_again(
+    scene: Scene, meshes: Sequence[Mesh], garments: Sequence[Garment], worn: Sequence[Wearing | None]
+) -> tuple[Scene, list[Choice]]:
     """The scene with one thing read otherwise of garments that start badly, and what that is; else the same scene.
 
     What a garment's author states stays.
     """
-    garments, choices = list(scene.garments), []
-    for index, (spec, key, mesh, wearing) in enumerate(
-        zip(scene.garments, scene.garment_keys, meshes, worn, strict=True)
+    specs, choices = list(scene.garments), []
+    for index, (spec, key, mesh, garment, wearing) in enumerate(
+        zip(scene.garments, scene.garment_keys, meshes, garments, worn, strict=True)
     ):
-        if spec.mesh is None or wearing is None or not wearing.start_fault or _is_placed(spec):
+        if spec.mesh is None or wearing is None or _is_placed(spec):
             continue
-        found = _scaled_or_stood_up(spec, mesh, wearing) or _turned(wearing) or _moved(wearing)
+        cloth = _Cloth(mesh, garment, wearing)
+        found = None
+        if wearing.start_fault:
+            found = _scaled_or_stood_up(spec, mesh, wearing) or _turned(cloth) or _moved(wearing)
+        if found is None and "rotate" not in spec.model_fields_set:
+            found = _turned_about(cloth)
         if found is not None:
             changes, reason = found
-            garments[index] = spec.model_copy(update=changes)
+            specs[index] = spec.model_copy(update=changes)
             choices += [Choice(f"{key}.{name}", value, reason) for name, value in changes.items()]
-    return (scene.model_copy(update={"garments": tuple(garments)}) if choices else scene), choices
+    return (scene.model_copy(update={"garments": tuple(specs)}) if choices else scene), choices
+
+
+def with_doubts(
+    scene: Scene, meshes: Sequence[Mesh], garments: Sequence[Garment], worn: Sequence[Wearing | None]
+) -> tuple[Mesh, ...]:
+    """The garments' meshes, with a note where one may be worn back to front."""
+    noted = []
+    for spec, key, mesh, garment, wearing in zip(
+        scene.garments, scene.garment_keys, meshes, garments, worn, strict=True
+    ):
+        front = None
+        if spec.mesh is not None and wearing is not None and "rotate" not in spec.model_fields_set:
+            front = _Cloth(mesh, garment, wearing).front(wearing.followed)
+        if front is not None and front.score <= -DOUBTFUL:
+            note = f"it may be worn back to front, as {front.reason}: {key}.rotate = [0, 180, 0] turns it"
+            mesh = replace(mesh, notes=(*mesh.notes, note))
+        noted.append(mesh)
+    return tuple(noted)
+
+
+@dataclass(frozen=True, eq=False)
+class _Cloth:
+    """A garment as it was read, and its openings on the body."""
+
+    mesh: Mesh
+    garment: Garment
+    wearing: Wearing
+
+    def front(self, points: Points) -> Front:
+        """Whether its front is before the body, with the garment at ``points`` [m]."""
+        corners = self.garment.rest.corners
+        corners = self.garment.points[self.garment.triangles] if corners is None else corners
+        return front_of(self.wearing, points, triangle_areas(triangle_sides(corners)), self.mesh)
 
 
 def read_body_again(
@@ -123,8 +166,9 @@ def _off_limbs(wearing: Wearing, points: Points) -> float:
     return float(np.mean([np.linalg.norm(curve - middle, axis=1).min() for middle, curve in pairs]))
 
 
-def _turned(wearing: Wearing) -> Change | None:
+def _turned(cloth: _Cloth) -> Change | None:
     """The turn about the body that brings a left and a right opening to its left and right; None: they are there."""
+    wearing = cloth.wearing
     skeleton = wearing.skeleton
     across = _sideways(wearing)
     if across is None:
@@ -135,17 +179,35 @@ def _turned(wearing: Wearing) -> Change | None:
         return None
     if abs(abs(degrees) - QUARTER) < SQUARE:
         degrees = float(np.copysign(QUARTER, degrees))
-    front = _front(wearing)
-    if front is not None and _about_y(degrees).moved(front) @ skeleton.forward < 0.0:
+    if cloth.front(_about_axis(degrees, skeleton.middle).moved(wearing.start)).score < 0.0:
         degrees -= float(np.copysign(180.0, degrees))
-    middle = skeleton.middle * [1.0, 0.0, 1.0]
-    x, y, z = (middle - _about_y(degrees).moved(middle)).tolist()
-    turn = replace(_about_y(degrees), translate=(x, y, z))
+    turn = _about_axis(degrees, skeleton.middle)
     there = Wearing.of(wearing.openings, turn.moved(wearing.start), wearing.triangles, skeleton)
     if len(there.misplaced_at_start) >= len(wearing.misplaced_at_start):
         return None
     changes: dict[str, Value] = {"rotate": turn.rotate, "translate": turn.translate}
     return changes, "its openings for left and right lie before and behind the body"
+
+
+def _turned_about(cloth: _Cloth) -> Change | None:
+    """The half turn of a garment whose back is before the body, about the axis of its file or of the body.
+
+    None: its front is there, or it is not sure enough, or could not be sewn there.
+    """
+    wearing = cloth.wearing
+    front = cloth.front(wearing.followed)
+    if front.score > -CERTAIN:
+        return None
+    for axis in (np.zeros(3), wearing.skeleton.middle):
+        turn = _about_axis(180.0, axis)
+        there = Wearing.of(wearing.openings, turn.moved(wearing.start), wearing.triangles, wearing.skeleton)
+        is_clear = not there.pierced(there.start) or bool(wearing.pierced(wearing.start))
+        if is_clear and len(there.misplaced_at_start) <= len(wearing.misplaced_at_start):
+            changes: dict[str, Value] = {"rotate": turn.rotate}
+            if any(turn.translate):
+                changes["translate"] = turn.translate
+            return changes, f"it would be worn back to front: {front.reason}"
+    return None
 
 
 def _moved(wearing: Wearing) -> Change | None:
@@ -172,17 +234,11 @@ def _sideways(wearing: Wearing) -> Points | None:
     return best
 
 
-def _front(wearing: Wearing) -> Points | None:
-    """The horizontal direction in which the highest opening is lowest, as necklines are in front; None: it is level."""
-    skeleton = wearing.skeleton
-    loops = [wearing.start[opening.loop] for opening in wearing.openings]
-    neck = max(loops, key=lambda loop: float((loop @ skeleton.up).mean()))
-    height = neck @ skeleton.up
-    if np.ptp(height) < DEEP_NECK:
-        return None
-    towards = neck[height < np.quantile(height, 0.25)].mean(axis=0) - neck.mean(axis=0)
-    front: Points = towards - skeleton.up * (towards @ skeleton.up)
-    return front
+def _about_axis(degrees: float, place: Points) -> Placement:
+    """A turn about the vertical through a place [m], shape [3]."""
+    flat = place * [1.0, 0.0, 1.0]
+    x, y, z = (flat - _about_y(degrees).moved(flat)).tolist()
+    return replace(_about_y(degrees), translate=(x, y, z))
 
 
 def _about_y(degrees: float) -> Placement:

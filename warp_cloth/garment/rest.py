@@ -20,10 +20,12 @@ from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.panels import check_axes, check_scale, check_seams, panel_sides
 from warp_cloth.garment.rest_choice import AS_MODELLED, RestSource, choose_rest, mean_scale, panel_corners
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
+from warp_cloth.kernels.base.options import SliderField
 from warp_cloth.loading.repair import RestKey
 from warp_cloth.material.bending import hinge_constants
 from warp_cloth.material.constants import Sheet, YarnConstants, edge_constants, lay_flat, yarn_constants
 from warp_cloth.material.fabric import Fabric, unlikely_values
+from warp_cloth.material.hysteresis import rubbing_constants
 from warp_cloth.scene.wearables import RestAngles
 
 Floats = NDArray[np.float64]
@@ -52,6 +54,8 @@ class RestShape:
     yarns: YarnConstants | None = None  # of a woven fabric, whose edges do not pull
     hinge_angle: Floats | None = None  # at rest [rad], shape [H]; None: flat
     sheet: Sheet | None = None  # the rest shape triangle by triangle, for maps
+    hinge_slider: Floats | None = None  # friction of every hinge: moment [N m] and 1 / fold, shape [H, 2]; None: none
+    hinge_laid: Floats | None = None  # angle that every hinge was laid into [rad], shape [H]; None: as at rest
     corners: Floats | None = None  # of every triangle in the panels or the mesh as loaded [m], shape [F, 3, 2 or 3]
     fabric: Fabric | None = None  # what the constants are of
     source: RestSource = AS_MODELLED
@@ -60,6 +64,16 @@ class RestShape:
     def fold_angle(self) -> Floats:
         """Rest angle of every hinge [rad], shape [H]."""
         return np.zeros(len(self.hinge_stiffness)) if self.hinge_angle is None else self.hinge_angle
+
+    @property
+    def hinge_hysteresis(self) -> Floats:
+        """Friction of every hinge as kernels read it, by SliderField, shape [H, 4]."""
+        laid = self.fold_angle if self.hinge_laid is None else self.hinge_laid
+        hysteresis = np.zeros((len(laid), len(SliderField)))
+        if self.hinge_slider is not None:
+            hysteresis[:, SliderField.MOMENT], hysteresis[:, SliderField.STEEPNESS] = self.hinge_slider.T
+        hysteresis[:, SliderField.COSINE], hysteresis[:, SliderField.SINE] = np.cos(laid), np.sin(laid)
+        return hysteresis
 
 
 def _stated_sides(mesh: Mesh, place: str, key: str) -> Floats:
@@ -281,10 +295,16 @@ def _constants(geometry: RestGeometry, weight: Floats, fabric: Fabric) -> RestSh
     sheet, length = geometry.sheet, geometry.length
     woven = fabric.woven and sheet.directed
     pull = np.zeros(len(length)) if woven else edge_constants(sheet, fabric, length)
+    slider = None
+    if fabric.rubs(sheet.directed) and len(sheet.topology.hinges):
+        stiffness, slider = rubbing_constants(sheet, fabric, length)
+    else:
+        stiffness = hinge_constants(sheet, fabric, length)
     own = {
         "edge_pull": pull,
         "edge_push": fabric.compression * pull,
-        "hinge_stiffness": hinge_constants(sheet, fabric, length),
+        "hinge_stiffness": stiffness,
+        "hinge_slider": slider,
         "vertex_weight": weight,
         "yarns": yarn_constants(sheet, fabric) if woven else None,
         "fabric": fabric,

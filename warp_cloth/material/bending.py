@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ STEP, MOMENTUM = 0.6, 0.5  # of a round: the alternating grid, the stiffest case
 
 
 @dataclass(frozen=True, eq=False)
-class _Folds:
+class Folds:
     """Fold angles per curvature of N hinges in bent cloth.
 
     A hinge with its axis from (0, 0) to (L, 0) and wings at (s0, -h0), (s1, h1) on a surface of curvatures Kxx, Kxy,
@@ -69,21 +69,13 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
     the warp, and along the weft, has the energy bending / 6 curvature^3 per area. One pair for the whole garment would
     not do: where many diagonals happen to run alike, cloth is stiffer across them, and softer elsewhere.
     """
-    folds = _inner_folds(sheet, length)
+    folds = inner_folds(sheet, length)
     largest = max(fabric.bending_warp, fabric.bending_weft) if sheet.directed else fabric.bending
     if not len(folds.size) or largest == 0.0:
         return np.zeros_like(folds.size)
-    if sheet.directed:
-        wanted = [max(own, LEAST_FRACTION * largest) for own in (fabric.bending_warp, fabric.bending_weft)]
-        bends = [np.zeros_like(folds.angle), np.full_like(folds.angle, 0.5 * np.pi)]
-        lean = np.cos(2.0 * folds.angle)
-        usual = (0.5 * (1.0 + lean) * wanted[0] + 0.5 * (1.0 - lean) * wanted[1]) * folds.size
-    else:
-        wanted = [largest] * DIRECTIONS
-        bends = [folds.angle + angle for angle in np.arange(DIRECTIONS) * np.pi / DIRECTIONS]
-        lean = np.zeros_like(folds.angle)
-        usual = largest * folds.size
-    fixed = _near_border(sheet)
+    wanted, bends, lean, usual = bending_directions(sheet, folds, (fabric.bending_warp, fabric.bending_weft), largest)
+    usual = usual * folds.size
+    fixed = near_border(sheet)
     patches = Patches(sheet, len(fixed))
     hinges = sheet.topology.hinges
     within = np.asarray(~fixed[hinges].any(axis=1))
@@ -96,7 +88,7 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
     if bias is not None:
         scales.append(np.mean(scales, axis=0))
         wanted.append(0.5 * sum(wanted))
-    fit, balance = Fit(patches, usual, lean), _Balance(sheet, folds, fixed)
+    fit, balance = Fit(patches, usual, lean), Balance(sheet, folds, fixed)
     for rounds in ROUNDS:
         energies, ease = [], []
         counted = np.where(within, fit.stiffness, 0.0)
@@ -104,14 +96,38 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
             balanced = map_rows(_cubed, balance.folded(fit.stiffness, even, displacement, rounds))
             stiff, eased = (float(np.sum(map_rows(np.multiply, own, counted))) for own in (cube, balanced))
             ease.append(eased / stiff if stiff > 0.0 else 1.0)  # too small a garment has no inner hinges
-            energies.append(map_rows(partial(_within, ease[-1]), within, balanced, cube) if stiff > 0.0 else cube)
+            energies.append(map_rows(partial(within_border, ease[-1]), within, balanced, cube) if stiff > 0.0 else cube)
         if bias is not None:
             energies.append(bias * np.mean(ease))
         fit.improve(energies, scales, wanted)
     return fit.stiffness
 
 
-def _within(ease: float, within: NDArray[np.bool_], balanced: Floats, cube: Floats) -> Floats:
+def bending_directions(
+    sheet: Sheet, folds: Folds, own: tuple[float, float], largest: float
+) -> tuple[list[float], list[Floats], Floats, Floats]:
+    """Directions in which patches are bent, and what they should resist there.
+
+    Args:
+        sheet: the garment.
+        folds: of its H hinges.
+        own: the fabric's resistance along warp and weft.
+        largest: the larger of these, or that of cloth without directions.
+
+    Returns:
+        The resistance wanted in every direction; the direction as seen from each hinge [rad], each shape [H]; cos 2
+        angle of every hinge, by which the resistance leans; the fabric's resistance in every hinge's direction.
+    """
+    if sheet.directed:
+        wanted = [max(each, LEAST_FRACTION * largest) for each in own]
+        bends = [np.zeros_like(folds.angle), np.full_like(folds.angle, 0.5 * np.pi)]
+        lean = np.cos(2.0 * folds.angle)
+        return wanted, bends, lean, 0.5 * (1.0 + lean) * wanted[0] + 0.5 * (1.0 - lean) * wanted[1]
+    bends = [folds.angle + angle for angle in np.arange(DIRECTIONS) * np.pi / DIRECTIONS]
+    return [largest] * DIRECTIONS, bends, np.zeros_like(folds.angle), np.full_like(folds.angle, largest)
+
+
+def within_border(ease: float, within: NDArray[np.bool_], balanced: Floats, cube: Floats) -> Floats:
     """Equilibrated folds of inner hinges; hinges at the border are eased by the average."""
     return np.where(within, balanced, ease * cube)
 
@@ -121,17 +137,17 @@ def _cubed(folded: Floats) -> Floats:
     return np.abs(folded * folded * folded)
 
 
-def _biased(folds: _Folds) -> Floats:
+def _biased(folds: Folds) -> Floats:
     """Mean cube of both biases' folds [m3], not equilibrated, as they have little weight."""
     return np.asarray(0.5 * (_cubed(folds.evenly(0.25 * np.pi)) + _cubed(folds.evenly(0.75 * np.pi))))
 
 
-def _beyond(sheet: Sheet, length: Floats, folds: _Folds, bends: list[Floats], count: int) -> list[Floats]:
+def _beyond(sheet: Sheet, length: Floats, folds: Folds, bends: list[Floats], count: int) -> list[Floats]:
     """Half the cubed folds at every vertex, for C = size, as if the cloth continued beyond the border.
 
     One for each bend [m2], shape [V].
     """
-    border, ends = _border_folds(sheet, length)
+    border, ends = border_folds(sheet, length)
     summed = []
     for bend in bends:
         direction = float(bend[0]) if np.ptp(bend) == 0.0 else border.angle + float((bend - folds.angle)[0])
@@ -140,7 +156,7 @@ def _beyond(sheet: Sheet, length: Floats, folds: _Folds, bends: list[Floats], co
     return summed
 
 
-def _near_border(sheet: Sheet) -> NDArray[np.bool_]:
+def near_border(sheet: Sheet) -> NDArray[np.bool_]:
     """Vertices of all triangles at the border, where hinges are missing; flags, shape [V]."""
     topology = sheet.topology
     once = np.bincount(topology.triangle_edges.ravel(), minlength=len(topology.edges)) == 1
@@ -151,10 +167,17 @@ def _near_border(sheet: Sheet) -> NDArray[np.bool_]:
     return near
 
 
-class _Balance:
+class Rubbing(NamedTuple):
+    """Friction of H hinges, bent to a curvature k [1/m], as ``Balance`` counts it; shape [H] each."""
+
+    moment: Floats  # over k^2 [N m3]
+    clinging: Floats  # fold per curvature up to which it grows [m]
+
+
+class Balance:
     """Equilibrates even bends: moves vertices off the surface until neighbouring hinges balance."""
 
-    def __init__(self, sheet: Sheet, folds: _Folds, fixed: NDArray[np.bool_]) -> None:
+    def __init__(self, sheet: Sheet, folds: Folds, fixed: NDArray[np.bool_]) -> None:
         self._fixed = fixed  # vertices near the border, so that the bend stays
         self._corners = np.ascontiguousarray(sheet.topology.hinges.T, dtype=np.intp)
         self._slopes = np.ascontiguousarray(folds.slopes.T)
@@ -164,11 +187,13 @@ class _Balance:
         self._folded = np.empty_like(folds.across)
         self._counted = len(self._folded) > MANY
 
-    def folded(self, stiffness: Floats, even: Floats, displacement: Floats, rounds: int) -> Floats:
+    def folded(
+        self, stiffness: Floats, even: Floats, displacement: Floats, rounds: int, rubbing: Rubbing | None = None
+    ) -> Floats:
         """Folds per curvature [m] after vertices have moved from the even bend to where hinges balance, shape [H].
 
-        Gradient descent on the sum of C |fold|^3 / 6 over the displacements of inner vertices, in ``displacement``
-        [m2], shape [V], which is updated.
+        Gradient descent on the sum of C |fold|^3 / 6, and of what ``rubbing`` takes, over the displacements of inner
+        vertices, in ``displacement`` [m2], shape [V], which is updated.
         """
         half, pull, curve, folded = 0.5 * stiffness, self._pull, self._curve, self._folded
 
@@ -181,6 +206,10 @@ class _Balance:
             size, own = np.abs(folded[part]), stiffness[part]
             np.multiply(half[part] * folded[part] * size, self._slopes[:, part], out=pull[:, part])
             np.multiply(own * (size + self._least[part]), self._size[:, part], out=curve[:, part])
+            if rubbing is not None:
+                secant = rubbing.moment[part] / np.maximum(size, rubbing.clinging[part])
+                pull[:, part] += secant * folded[part] * self._slopes[:, part]
+                curve[:, part] += 2.0 * secant * self._size[:, part]
             curve[:, part] *= self._sizes[part]
             return float(np.sum(own * size * size * size)) if self._counted else 0.0
 
@@ -218,11 +247,11 @@ def _wing(sheet: Sheet, triangle: Any, side: Any, floor: float) -> tuple[Floats,
     return arm.real, np.maximum(np.abs(arm.imag), floor), direction, np.where(arm.imag > 0.0, 1.0, -1.0)
 
 
-def _inner_folds(sheet: Sheet, length: Floats) -> _Folds:
+def inner_folds(sheet: Sheet, length: Floats) -> Folds:
     """Folds of the garment's hinges."""
     topology, floor = sheet.topology, THINNEST_FRACTION * float(np.median(length))
 
-    def some(part: slice) -> _Folds:
+    def some(part: slice) -> Folds:
         edge, pair = topology.hinge_edges[part], topology.hinge_triangles[part]
         axis = length[edge]
         side = np.argmax(topology.triangle_edges[pair] == edge[:, None, None], axis=2)
@@ -232,10 +261,10 @@ def _inner_folds(sheet: Sheet, length: Floats) -> _Folds:
         return _folds_of(axis, (s0, h0), (s1, h1), direction, hand)
 
     parts = map_chunks(some, len(topology.hinge_edges))
-    return _Folds(*(concatenate([getattr(part, field.name) for part in parts]) for field in fields(_Folds)))
+    return Folds(*(concatenate([getattr(part, field.name) for part in parts]) for field in fields(Folds)))
 
 
-def _border_folds(sheet: Sheet, length: Floats) -> tuple[_Folds, Indices]:
+def border_folds(sheet: Sheet, length: Floats) -> tuple[Folds, Indices]:
     """Folds of the border's edges if each had the mirror image of its triangle beyond it, and these edges."""
     topology = sheet.topology
     once = np.bincount(topology.triangle_edges.ravel(), minlength=len(length)) == 1
@@ -248,7 +277,7 @@ def _border_folds(sheet: Sheet, length: Floats) -> tuple[_Folds, Indices]:
 
 def _folds_of(
     axis: Floats, first: tuple[Floats, Floats], second: tuple[Floats, Floats], direction: Floats, hand: Floats
-) -> _Folds:
+) -> Folds:
     """Folds of hinges from feet and heights of their wings."""
     (s0, h0), (s1, h1) = first, second
     across = 0.5 * (h0 + h1)
@@ -257,4 +286,4 @@ def _folds_of(
     start = -((1.0 - fraction_0) / h0 + (1.0 - fraction_1) / h1)
     slopes = np.stack([start, -(fraction_0 / h0 + fraction_1 / h1), 1.0 / h0, 1.0 / h1], axis=1)
     # y is the side rotated by 90 degrees, away from the first tip; x is the side: n . x = -hand sin(angle)
-    return _Folds(axis / across**2, across, -hand * (s1 - s0), along, np.angle(-1j * hand * direction), slopes)
+    return Folds(axis / across**2, across, -hand * (s1 - s0), along, np.angle(-1j * hand * direction), slopes)

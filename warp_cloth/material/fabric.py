@@ -28,8 +28,12 @@ BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
         "bending_weft": (0.0, 1.0),
         "thickness": (0.0, 0.05),  # [m]
         "friction": (0.0, 10.0),
+        "bending_friction_warp": (0.0, 10.0),  # [N]
+        "bending_friction_weft": (0.0, 10.0),
     }
 )
+
+HYSTERESIS = ("bending_friction_warp", "bending_friction_weft")  # which a fabric has only if it says so
 
 # From a stocking's to a sail's, in the same units: what lies beyond is more often stated in another unit than meant.
 CLOTHS: Mapping[str, tuple[float, float]] = MappingProxyType(
@@ -40,6 +44,8 @@ CLOTHS: Mapping[str, tuple[float, float]] = MappingProxyType(
         "bending_warp": (1e-10, 1e-4),
         "bending_weft": (1e-10, 1e-4),
         "thickness": (2e-5, 0.02),
+        "bending_friction_warp": (1e-6, 0.05),
+        "bending_friction_weft": (1e-6, 0.05),
     }
 )
 
@@ -52,6 +58,8 @@ UNITS: Mapping[str, str] = MappingProxyType(
         "bending_warp": "N m2",
         "bending_weft": "N m2",
         "thickness": "m; thickness_mm takes mm",
+        "bending_friction_warp": "N (moment per width); bending_hysteresis_2HB_warp takes gf cm/cm",
+        "bending_friction_weft": "N (moment per width); bending_hysteresis_2HB_weft takes gf cm/cm",
     }
 )
 
@@ -77,6 +85,8 @@ class Fabric:
     bending_weft: float = 1e-7  # with this weight as KES-F B 0.035 gf cm2/cm: a bending length of 12 mm
     thickness: float = 0.5e-3  # [m]
     friction: float = 0.3  # of cloth on cloth
+    bending_friction_warp: float = 0.0  # [N], moment per width of friction where the warp is bent: half of 2HB
+    bending_friction_weft: float = 0.0
     source: str = "generic: between a knit and a shirting, measured on nothing"
 
     def __post_init__(self) -> None:
@@ -112,6 +122,13 @@ class Fabric:
     def bending(self) -> float:
         """[N m2] of warp and weft together, their geometric mean."""
         return math.sqrt(self.bending_warp * self.bending_weft)
+
+    def rubs(self, directed: bool) -> bool:
+        """Whether it has friction in bending, on a garment that has directions or not."""
+        friction = self.bending_friction_warp, self.bending_friction_weft
+        stiff = self.bending_warp, self.bending_weft
+        enough = any if directed else all
+        return enough(friction) and enough(stiff) and min(stiff) > 0.0
 
     @property
     def even_shear(self) -> float:
@@ -234,7 +251,7 @@ def _from_table(table: Mapping[str, Any], directory: Path) -> Fabric:
 
 def _complete(values: Mapping[str, Any]) -> bool:
     """Whether the values leave nothing to a base."""
-    return set(BOUNDS) <= set(values)
+    return set(BOUNDS) - set(HYSTERESIS) <= set(values)
 
 
 def _over(base: Fabric, values: Mapping[str, Any]) -> Fabric:

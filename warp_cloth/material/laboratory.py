@@ -13,6 +13,7 @@ from warp_cloth.base.errors import InputError
 GRAVITY = 9.80665  # standard gravity [m/s2]
 KES_FORCE = 490.3325  # [N/m], 500 gf/cm: the force per width at which KES-F reads the elongation EMT
 KES_BENDING = 9.80665e-5  # [N m], 1 gf cm2/cm: the unit of KES-F's bending rigidity B
+KES_HYSTERESIS = 9.80665e-3  # [N], 1 gf cm/cm: the unit of 2HB, the width of KES-F's bending loop
 KES_SHEAR = 0.980665 / math.radians(1.0)  # [N/m per radian], 1 gf/(cm degree): the unit of KES-F's shear stiffness G
 FAST_FORCE = 5 * 0.980665  # [N/m], 5 gf/cm: FAST reads the extension at this and at four times this
 FAST_SHEAR = 123.0  # [N/m per radian] over EB5 [%], the bias extension at 5 gf/cm (SiroFAST manual)
@@ -66,6 +67,12 @@ def shear_of_stiffness(stiffness: float) -> float:
     return stiffness / MATCHED_SHEAR_ANGLE
 
 
+def friction_of_hysteresis(width: float) -> float:
+    """Moment per width that friction resists [N], from the width 2HB of the loop [gf cm/cm]: half of it each way."""
+    return 0.5 * width * KES_HYSTERESIS
+
+
+_HYSTERESIS = ("gf cm/cm", (0.0, 1e3), friction_of_hysteresis)
 _EMT = ((0.05, 300.0), stretch_of_emt)
 _MM = ((0.0, 50.0), lambda value: value * 1e-3)
 
@@ -81,6 +88,9 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
         "bias_extension_percent": Figure(
             ("shear",), "% at 5 gf/cm", (0.01, 300.0), lambda value: shear_of_stiffness(FAST_SHEAR / value)
         ),
+        "bending_hysteresis_2HB": Figure(("bending_friction_warp", "bending_friction_weft"), *_HYSTERESIS),
+        "bending_hysteresis_2HB_warp": Figure(("bending_friction_warp",), *_HYSTERESIS),
+        "bending_hysteresis_2HB_weft": Figure(("bending_friction_weft",), *_HYSTERESIS),
         "thickness_mm": Figure(("thickness",), "mm", *_MM),
     }
 )

@@ -140,7 +140,7 @@ def build_model(
     item_start = tuple(vertex_start[first] for first in _starts(list(garment_counts or [len(garments)])))
     avatar_friction = tuple(avatar_friction or [0.0] * (len(item_start) - 1))
     offset = tuple(offset or [0.0] * (len(item_start) - 1))
-    hinges, hinge_count = _hinges(types, upload, rests, vertex_start, terms.angles, cache)
+    hinges, hinge_count = _hinges(types, upload, rests, vertex_start, terms, cache)
     weave = _weave(types, upload, rests, vertex_start, cache)
     patches = None
     if wp.get_device(device).is_cuda if gathers is None else gathers:
@@ -199,6 +199,8 @@ def _edges(
         edges.hinge_stiffness = upload([each.hinge_stiffness for each in garments], types.real)
     if terms.angles:
         edges.rest = upload([each.rest for each in garments], types.vec2)
+    if terms.hysteresis:
+        edges.hysteresis = upload([each.hysteresis for each in garments], types.vec4)
     return edges
 
 
@@ -222,34 +224,42 @@ def _triangles(
 
 
 def _hinges(
-    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool, cache: Cache
+    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], terms: Terms, cache: Cache
 ) -> tuple[Any | None, int]:
     """Hinges of all garments that are stiff, and their number."""
-    make = partial(_stiff_hinges, types=types, angles=angles)
-    each = cache.get_or_make_each("hinges", [(rest,) for rest in rests], make, types.name, angles)
-    count = sum(len(stiffness) for _, stiffness, _ in each)
+    make = partial(_stiff_hinges, types=types, terms=terms)
+    each = cache.get_or_make_each(
+        "hinges", [(rest,) for rest in rests], make, types.name, terms.angles, terms.hysteresis
+    )
+    count = sum(len(stiffness) for _, stiffness, _, _ in each)
     if not count:
         return None, 0
-    corners, stiffness, rotations = zip(*each, strict=True)
+    corners, stiffness, rotations, sliders = zip(*each, strict=True)
     hinges = types.Hinges()
     hinges.corners = upload(corners, wp.vec4i, starts=vertex_start)
     hinges.stiffness = upload(stiffness, types.real)
-    if angles:
+    if terms.angles:
         hinges.rest = upload(rotations, types.vec2)
+    if terms.hysteresis:
+        hinges.hysteresis = upload(sliders, types.vec4)
     return hinges, count
 
 
-def _stiff_hinges(rest: RestShape, types: Any, angles: bool) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any] | None]:
-    """Corners and stiffness of a garment's hinges that are stiff; with ``angles`` cosine and sine of those at rest."""
+def _stiff_hinges(
+    rest: RestShape, types: Any, terms: Terms
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any] | None, NDArray[Any] | None]:
+    """Corners and stiffness of a garment's hinges that are stiff; of these terms their rest angles and friction."""
     real, used = wp.dtype_to_numpy(types.real), rest.hinge_stiffness > 0.0
     corners, stiffness = rest.topology.hinges, rest.hinge_stiffness
     if not used.all():
         corners, stiffness = corners[used], stiffness[used]
-    rotations = None
-    if angles:
+    rotations, sliders = None, None
+    if terms.angles:
         angle = rest.fold_angle[used]
         rotations = np.stack([np.cos(angle), np.sin(angle)], axis=1).astype(real)
-    return corners, stiffness.astype(real), rotations
+    if terms.hysteresis:
+        sliders = rest.hinge_hysteresis[used].astype(real)
+    return corners, stiffness.astype(real), rotations, sliders
 
 
 def _weave(

@@ -24,7 +24,7 @@ class Term:
 def make_plan(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
     """The terms of a scene with nothing left to decide, in the order of an iteration."""
     pulls = any(bool((garment.rest.edge_pull > 0.0).any()) for garment in outfit.garments)
-    _, bends, woven, folded, _ = terms_of(outfit.garments)
+    terms = terms_of(outfit.garments)
     pins = sum(len(garment.pins) for garment in outfit.garments)
     accelerated = scene.solver.method == "accelerated"
     return (
@@ -33,15 +33,24 @@ def make_plan(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
         ),
         Term(
             "weave",
-            woven,
-            "yarns run through every triangle" if woven else "no fabric is woven: edges resist stretching",
+            terms.yarns,
+            "yarns run through every triangle" if terms.yarns else "no fabric is woven: edges resist stretching",
         ),
         Term(
             "bending",
-            bends,
-            "the fabric resists bending" if bends else "the fabric's bending stiffness is 0",
+            terms.folds,
+            "the fabric resists bending" if terms.folds else "the fabric's bending stiffness is 0",
         ),
-        Term("rest angles", folded, "folds of the mesh, by garment.rest_angles" if folded else "cloth is flat at rest"),
+        Term(
+            "rest angles",
+            terms.angles,
+            "folds of the mesh, by garment.rest_angles" if terms.angles else "cloth is flat at rest",
+        ),
+        Term(
+            "bending friction",
+            terms.hysteresis,
+            "the fabric's bending_hysteresis_2HB" if terms.hysteresis else "no fabric states bending_hysteresis_2HB",
+        ),
         Term("pins", pins > 0, f"{pins} vertices are pinned" if pins else "no vertex is pinned"),
         Term("momentum", accelerated, f'solver.method = "{scene.solver.method}"'),
         *_avatar_terms(scene, outfit),

@@ -10,11 +10,13 @@ import numpy as np
 from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, named, without_side
-from warp_cloth.pattern.pieces import Piece
+from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, SIDE_PANEL, UNDER_SLEEVE, named, without_side
+from warp_cloth.pattern.panel_roles import middle_side, parted_at_underarm, side_panel_roles
+from warp_cloth.pattern.pieces import Piece, opened
 from warp_cloth.pattern.roles import (
     Roles,
     Shape,
+    arm_side,
     bodice_roles,
     concave_count,
     hood_roles,
@@ -80,10 +82,15 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
             raise InputError(f"{file}: piece", f'there is no piece "{short(name)}"', f"the pieces are {listed}")
     parts: list[Part] = []
     notes: list[str] = []
+    panelled = _panelled(pieces, stated)
     for piece in _unique(pieces, notes):
         said = stated.get(piece.name, Stated())
-        part = _part(piece, said, len(parts))
+        part = _part(piece, said, panelled)
         place = f'piece "{short(piece.name)}"'
+        whole = opened(piece, part.roles["centre"]) if _is_lone_half(piece, said, part, pieces) else None
+        if whole is not None:
+            piece, part = whole, _part(whole, said, panelled)
+            notes.append(f"{place} is half a {part.kind}, cut once, with no fold line: mirrored at its straight centre")
         if part.kind == "none":
             why = "as stated" if said.place == "none" else "by its name or material it is no part of the outer cloth"
             notes.append(f"{place} is left out: {why}")
@@ -116,6 +123,20 @@ def _unique(pieces: Sequence[Piece], notes: list[str]) -> list[Piece]:
     return out
 
 
+def _is_lone_half(piece: Piece, said: Stated, part: Part, pieces: Sequence[Piece]) -> bool:
+    """Whether a piece is half a front or back whose other half is nowhere."""
+    if part.kind not in ("front", "back") or part.side == BOTH or "centre" not in part.roles:
+        return False
+    others = [each for each in pieces if each.what.kind == part.kind and not each.what.panel and each is not piece]
+    copies = said.copies if said.copies is not None else piece.copies
+    return (
+        not others
+        and piece.what.side == BOTH
+        and said.place in (None, part.kind)
+        and (copies is None or sum(copies) == 1)
+    )
+
+
 def _copies(piece: Piece, said: Stated, part: Part, place: str, notes: list[str]) -> tuple[bool, bool]:
     """Whether the piece is cut as drawn, and mirrored."""
     stated = said.copies if said.copies is not None else piece.copies
@@ -136,13 +157,24 @@ def _copies(piece: Piece, said: Stated, part: Part, place: str, notes: list[str]
     return drawn > 0, mirrored > 0
 
 
-def _part(piece: Piece, said: Stated, index: int) -> Part:
+def _panelled(pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> frozenset[str]:
+    """Of "front" and "back" those that are of middle and side panels."""
+    faces = {piece.what.kind for piece in pieces if piece.what.panel == SIDE_PANEL and piece.name not in stated}
+    places = {PLACES[said.place][0] for said in stated.values() if said.place is not None}
+    return frozenset(face for face in ("front", "back") if face in faces or f"side_{face}" in places)
+
+
+def _part(piece: Piece, said: Stated, panelled: frozenset[str]) -> Part:
     kind, side, sure = piece.what.kind, piece.what.side, BY_NAME
     if said.place is not None:
         kind, stated_side = PLACES[said.place]
         side = stated_side or side
         sure = 1.0
-    elif kind in ("front", "back"):
+    elif piece.what.panel == SIDE_PANEL:
+        kind = f"side_{kind}"
+    elif piece.what.panel == UNDER_SLEEVE:
+        kind = "under_sleeve"
+    elif kind in ("front", "back") and kind not in panelled:
         kind = _worn_on(piece, kind)
     elif kind == "leg" and _is_whole_leg(piece):
         pass
@@ -152,11 +184,14 @@ def _part(piece: Piece, said: Stated, index: int) -> Part:
     edges = tuple(edge.turned(turn, np.zeros(2)) for edge in piece.edges)
     lines = tuple(line @ turn for line in piece.lines)
     holes = tuple(tuple(edge.turned(turn, np.zeros(2)) for edge in hole) for hole in piece.holes)
-    part = Part(piece.name, edges, tuple(range(len(edges))), piece.mirror, piece.notches @ turn, lines,
+    if kind == "under_sleeve":
+        edges = parted_at_underarm(edges, UPWARDS, piece.notches @ turn)
+    mirror = piece.mirror if len(edges) == len(piece.edges) else None
+    part = Part(piece.name, edges, tuple(range(len(edges))), mirror, piece.notches @ turn, lines,
                 kind, side, UPWARDS, {}, sure, holes)  # fmt: skip
     shape = part.shape
-    roles = _roles(kind, shape, piece.mirror is not None)
-    return replace(part, roles=roles, side=side or _side(kind, shape, roles, piece.mirror is not None))
+    roles = _roles(kind, shape, mirror is not None, kind in panelled)
+    return replace(part, roles=roles, side=side or _side(kind, shape, roles, mirror is not None))
 
 
 def _worn_on(piece: Piece, face: str) -> str:
@@ -176,16 +211,18 @@ def _is_whole_leg(piece: Piece) -> bool:
     return all(any(shape.is_concave(k) for k in run) for run in crotches)
 
 
-def _roles(kind: str, shape: Shape, whole: bool) -> Roles:
+def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool) -> Roles:
     if len(shape.order) < 3:
         return {}
     if kind in ("front", "back"):
-        return bodice_roles(shape, whole)
+        return bodice_roles(shape, whole, middle_side if has_side_panels else arm_side)
+    if kind in ("side_front", "side_back"):
+        return side_panel_roles(shape)
     if kind in ("leg_front", "leg_back"):
         return leg_roles(shape)
     if kind == "leg":
         return pants_roles(shape)
-    if kind == "sleeve":
+    if kind in ("sleeve", "under_sleeve"):
         return sleeve_roles(shape)
     if kind == "hood":
         return hood_roles(shape)
@@ -198,9 +235,12 @@ def _side(kind: str, shape: Shape, roles: Roles, whole: bool) -> int:
     """The wearer's side of a half piece by where its middle is: a front's +x is the wearer's left, a back's right."""
     if whole:
         return BOTH
-    faced = -1 if kind in ("back", "leg_back", "skirt_back") else 1
-    if kind in ("front", "back") and "centre" in roles:
-        return faced * (LEFT if "side+" in roles or "armhole+" in roles or "shoulder+" in roles else RIGHT)
+    faced = -1 if kind in ("back", "leg_back", "skirt_back", "side_back") else 1
+    if (kind in ("front", "back") and "centre" in roles) or (
+        kind in ("side_front", "side_back") and "princess" in roles
+    ):
+        outer = ("side+", "armhole+", "shoulder+", "princess+")
+        return faced * (LEFT if any(role in roles for role in outer) else RIGHT)
     if kind in ("leg_front", "leg_back"):
         return faced * LEFT if "inner-" in roles else faced * RIGHT if "inner+" in roles else BOTH
     if kind == "leg" and "crotch+" in roles:  # its back is cut out farther; at +x on the wearer's left

@@ -18,20 +18,24 @@ import numpy as np
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.kinds import plain
+from warp_cloth.pattern.lattice import inside
 from warp_cloth.pattern.loops import area_of, chained, gap_of
 from warp_cloth.pattern.specification import MOST_PANELS, short
 
 EXPORT_AGAIN = "export the DXF again, as AAMA or ASTM"
+BINARY = b"AutoCAD Binary DXF"
 LARGEST_FILE = 200_000_000  # bytes
 MOST_POINTS = 200_000  # of a piece
 CUT, TURN, CURVE, NOTCH, FOLD, GRAIN, INTERNAL, CUT_OUT, DRILL, SEW = 1, 2, 3, 4, 6, 7, 8, 11, 13, 14
 LAYERS = {80: NOTCH, 81: NOTCH, 82: NOTCH, 83: NOTCH}
 # Layers of files that do not number them
 NAMED = (
-    (SEW, ("sew", "stitch", "naht")),
-    (NOTCH, ("notch",)),
-    (GRAIN, ("grain", "fadenlauf")),
-    (FOLD, ("fold", "mirror", "bruch")),
+    (CUT, ("allowance", "zugabe", "marge", "margine", "cutline", "cut line", "cut_line", "cut-line")),
+    (SEW, ("sew", "stitch", "seam", "naht", "couture", "costura", "cucitura")),
+    (NOTCH, ("notch", "knips", "cran", "piquete", "tacc")),
+    (GRAIN, ("grain", "fadenlauf", "droit", "hilo", "filo")),
+    (FOLD, ("fold", "mirror", "bruch", "pliure", "doblez", "piega")),
     (CUT_OUT, ("cutout", "cut-out", "hole")),
     (DRILL, ("drill",)),
     (INTERNAL, ("internal", "inner")),
@@ -41,9 +45,11 @@ NAMED = (
 )
 LINEAR = ("LINE", "ARC", "CIRCLE", "ELLIPSE", "LWPOLYLINE", "POLYLINE", "SPLINE")
 FINE = 2e-5  # of a block's extent: how far the points of an arc or spline may be from it
+WITHIN = 0.95  # of a loop's points, within another: a part of the same piece
+LINED = 0.6  # of the area, from which a loop within an outline is its sew line
 NAMELESS = 0  # lines of layers that have neither number nor known name
 # lines of text as AAMA has them; some programs leave blanks out
-_STATED = re.compile(r"^\s*([A-Za-z][A-Za-z /_-]*?)\s*[:=]\s*(.*?)\s*$")
+_STATED = re.compile(r"^\s*([^\W\d_][\w /_-]*?)\s*[:=]\s*(.*?)\s*$")
 
 
 @dataclass(eq=False)
@@ -58,11 +64,12 @@ class Drawn:
 
     def state(self, text: str) -> None:
         """Takes a line of text."""
+        text = repaired(text)
         found = _STATED.match(text)
         if found is None:
             self.remarks.append(text.strip())
             return
-        key = re.sub(r"[^a-z]", "", found[1].lower())
+        key = re.sub(r"[^a-z]", "", plain(found[1]))
         if not self.texts.get(key):
             self.texts[key] = found[2]
 
@@ -118,6 +125,8 @@ def _refuse(file: str, problem: str, remedy: str = EXPORT_AGAIN) -> NoReturn:
 def _document(file: str, data: bytes) -> Any:
     try:
         from ezdxf import recover
+        from ezdxf.document import Drawing
+        from ezdxf.lldxf.tagger import binary_tags_loader
     except ImportError:
         raise InputError(file, "needs the package ezdxf", "pip install 'warp-cloth[dxf]'") from None
     if len(data) > LARGEST_FILE:
@@ -128,6 +137,8 @@ def _document(file: str, data: bytes) -> Any:
         _refuse(file, "is a DWG file, not DXF", "save it as DXF")
     logging.getLogger("ezdxf").addHandler(logging.NullHandler())  # what it mends is not printed
     try:
+        if data.startswith(BINARY):
+            return Drawing.load(binary_tags_loader(data))
         document, _ = recover.read(io.BytesIO(data))
     except Exception as error:  # a damaged file raises whatever the recovery happens to meet
         said = short(" ".join(str(error).split())) or type(error).__name__
@@ -138,7 +149,10 @@ def _document(file: str, data: bytes) -> Any:
 def _pieces(document: Any) -> tuple[list[Drawn], list[str]]:
     """The pieces of all blocks, or else of the model space, and the texts that belong to none."""
     space = list(document.modelspace())
-    blocks = [block for block in document.blocks if not (block.is_any_layout or block.name.startswith("*"))]
+    every = [block for block in document.blocks if not block.is_any_layout]
+    blocks = [block for block in every if not block.name.startswith("*")]
+    if not any(entity.dxftype() in LINEAR for block in blocks for entity in block):
+        blocks = [block for block in every if block.name.upper().startswith("*U")]  # groups that were never named
     drawn = {block.name for block in blocks if _has_lines(block, SEW) or _has_lines(block, CUT)}
     # parts of a piece are blocks within its block; a block of nothing but pieces is a sheet of them
     sheets = {block.name for block in blocks if block.name not in drawn and drawn.intersection(_inserted(block))}
@@ -160,6 +174,13 @@ def _pieces(document: Any) -> tuple[list[Drawn], list[str]]:
             _take_outline(piece)
     if not any(piece.has_outline for piece in pieces):
         return _loose_pieces(loose)
+    outlined = [piece.block for piece in pieces if piece.has_outline]
+    if len(outlined) == 1:  # all in one block
+        inner_pieces, rest = _loose_pieces(
+            [e for block in blocks if block.name == outlined[0] for e in _flat(block, 0)]
+        )
+        if len(inner_pieces) > 1:
+            return inner_pieces, [*texts, *rest]
     return pieces, texts
 
 
@@ -186,8 +207,18 @@ def _scale(insert: Any) -> float:
     return scale if 1e-6 < scale < 1e6 else 1.0
 
 
+def repaired(text: str) -> str:
+    """A text that was UTF-8, and was read as of Windows' code page, as files without a stated one are."""
+    if text.isascii():
+        return text
+    try:
+        return text.encode("cp1252", "surrogateescape").decode("utf-8")
+    except UnicodeError:
+        return text
+
+
 def _drawn(name: str, entities: Iterable[Any], scale: float = 1.0) -> Drawn:
-    piece = Drawn(name)
+    piece = Drawn(repaired(name))
     flat = list(_flat(entities, 0))
     fine = _extent(flat) * FINE
     for entity in flat:
@@ -257,28 +288,39 @@ def _loose_pieces(entities: list[Any]) -> tuple[list[Drawn], list[str]]:
     """Pieces of a model space without blocks: each closed outline, with all that lies in its box."""
     whole = _drawn("", entities)
     layers = whole.lines
-    if CUT not in layers and SEW not in layers:  # no layers at all: what is closed is an outline
-        closed = [line for line in layers.get(NAMELESS, []) if len(line) > 3]
-        layers = {CUT: [line for line in closed if np.allclose(line[0], line[-1])]}
-    drawn = layers.get(CUT, layers.get(SEW, []))
-    outlines = [line if gap_of(drawn, line) else np.concatenate([line, line[:1]]) for line in chained(drawn)]
-    boxes = [(line.min(axis=0), line.max(axis=0)) for line in outlines]
-    pieces = [Drawn("") for _ in outlines]
-    main = CUT if CUT in layers else SEW
-    for piece, line in zip(pieces, outlines, strict=True):
-        piece.lines[main] = [line]
+    main = CUT if CUT in layers else SEW if SEW in layers else NAMELESS
+    drawn = layers.get(main, [])
+    loops = [line if gap_of(drawn, line) else np.concatenate([line, line[:1]]) for line in chained(drawn)]
+    pieces: list[Drawn] = []
+    outlines: list[Floats] = []
+    places: list[int] = []
+    for place in sorted(range(len(loops)), key=lambda k: -abs(area_of(loops[k]))):
+        line = loops[place]
+        around = next((k for k in range(len(outlines)) if inside(outlines[k], line).mean() > WITHIN), None)
+        if around is None:
+            outlines.append(line)
+            places.append(place)
+            pieces.append(Drawn(""))
+            pieces[-1].lines[SEW if main == SEW else CUT] = [line]
+        elif abs(area_of(line)) < LINED * abs(area_of(outlines[around])):
+            pieces[around].lines.setdefault(CUT if main == CUT else INTERNAL, []).append(line)
+        elif main == NAMELESS:
+            pieces[around].lines.setdefault(SEW, [line])
+    order = np.argsort(places).tolist()  # as the file has them
+    pieces = [pieces[k] for k in order]
+    boxes = [(outlines[k].min(axis=0), outlines[k].max(axis=0)) for k in order]
 
     def owner(point: Floats) -> Drawn | None:
         sizes = [float(np.prod(high - low)) for low, high in boxes]
-        inside = [
+        holding = [
             index
             for index, (low, high) in enumerate(boxes)
             if (point >= low - 0.01 * (high - low)).all() and (point <= high + 0.01 * (high - low)).all()
         ]
-        return pieces[min(inside, key=lambda index: sizes[index])] if inside else None
+        return pieces[min(holding, key=lambda index: sizes[index])] if holding else None
 
     for number, lines in layers.items():
-        for line in lines if number != main else ():
+        for line in lines if number not in (main, NAMELESS) else ():
             mine = owner(line.mean(axis=0))
             if mine is not None:
                 mine.lines.setdefault(number, []).append(line)

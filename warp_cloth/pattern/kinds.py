@@ -3,28 +3,14 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from warp_cloth.pattern.vocabulary import BESIDE, INNER_CLOTH, LEFT_WORDS, RIGHT_WORDS, UNDER, WORDS
+
 LEFT, BOTH, RIGHT = 1, 0, -1  # the wearer's
 
-# Words of names, the more telling first: a "sleeve cuff" is a cuff. Whole words only where they are short.
-WORDS = (
-    ("none", r"facing|interlin|interfac|fusing|fusible|lining|label|pocket|flap|welt|belt|loop|tasche|beleg|futter"),
-    ("cuff", r"cuff|b(ue|ü)ndchen|manschette|poignet|pu(ñ|n)o|polsino"),
-    ("hood", r"hood|kapuze|capuch|cappuccio"),
-    ("hem_band", r"(hem|bottom)[ _-]*(band|rib)|rib[ _-]*(hem|bottom)"),
-    ("waistband", r"waist[ _-]*(band|rib)|\bwb\b|hosenbund|rockbund|\bbund\b|ceinture|cintur"),
-    ("collar", r"collar|neck[ _-]*(band|rib|bind)|rib[ _-]*neck|kragen|\bcol\b|cuello|colletto"),
-    ("yoke", r"yoke|passe\b|canes(u|ú)"),
-    ("gusset", r"gusset|godet|zwickel"),
-    ("sleeve", r"sleeve|\bslv|(ä|ae)rmel|manche|manga|manica"),
-    ("leg", r"\bleg|pants?\b|trouser|jean|\bhosen?\b|shorts?\b|legging|pantal"),
-    ("skirt", r"skirt|\brock|jupe|falda|gonna"),
-    ("front", r"front|\bfrt?\b|\bf\b|vorder|devant|delanter|davanti|\bvt\b"),
-    ("back", r"back|\bbk\b|\bb\b|r(ü|ue)ck|\bdos\b|espalda|trasero|dietro|hinter|\bht\b|rear"),
-)
-INNER_CLOTH = r"lining|fus(e|ing|ible)|interlin|interfac|futter|doublure|entretela|forro"
 # What pieces are called after the name of their style
 CODES = (
     ("front", ("F", "FR", "FT", "FRT", "FP", "DV", "DEV", "VT")),
@@ -37,10 +23,7 @@ CODES = (
     ("yoke", ("Y", "YK")),
     ("none", ("PK", "PKT", "POC", "FAC", "FL", "LB", "LIN", "INT")),
 )
-SIDES = (
-    (LEFT, r"\bleft|\blh\b|\bl\b|links|gauche|izquierd|sinistr"),
-    (RIGHT, r"\bright|\brh\b|\br\b|rechts|droite?\b|derech|destr"),
-)
+SIDES = ((LEFT, LEFT_WORDS), (RIGHT, RIGHT_WORDS))
 # Places that a scene may state, and the kind and side that each means
 PLACES: dict[str, tuple[str, int]] = {
     "front": ("front", BOTH),
@@ -49,9 +32,18 @@ PLACES: dict[str, tuple[str, int]] = {
     "right_front": ("front", RIGHT),
     "left_back": ("back", LEFT),
     "right_back": ("back", RIGHT),
+    "side_front": ("side_front", BOTH),
+    "left_side_front": ("side_front", LEFT),
+    "right_side_front": ("side_front", RIGHT),
+    "side_back": ("side_back", BOTH),
+    "left_side_back": ("side_back", LEFT),
+    "right_side_back": ("side_back", RIGHT),
     "sleeve": ("sleeve", BOTH),
     "left_sleeve": ("sleeve", LEFT),
     "right_sleeve": ("sleeve", RIGHT),
+    "under_sleeve": ("under_sleeve", BOTH),
+    "left_under_sleeve": ("under_sleeve", LEFT),
+    "right_under_sleeve": ("under_sleeve", RIGHT),
     "leg_front": ("leg_front", BOTH),
     "left_leg_front": ("leg_front", LEFT),
     "right_leg_front": ("leg_front", RIGHT),
@@ -74,7 +66,23 @@ PLACES: dict[str, tuple[str, int]] = {
     "right_cuff": ("cuff", RIGHT),
     "none": ("none", BOTH),
 }
-PAIRED = ("sleeve", "leg", "leg_front", "leg_back", "hood", "cuff")  # cut twice where no number is stated
+PAIRED = (
+    "sleeve",
+    "under_sleeve",
+    "leg",
+    "leg_front",
+    "leg_back",
+    "hood",
+    "cuff",
+    "side_front",
+    "side_back",
+)  # cut twice where no number is stated
+
+
+SIDE_PANEL, UNDER_SLEEVE = "side", "under"
+# Letters with no accent to take off
+LETTERS = str.maketrans({"ł": "l", "ø": "o", "đ": "d", "ı": "i", "ß": "ss", "æ": "ae", "œ": "oe"})
+ENCODINGS = ("utf-8", "gbk", "cp932", "cp949", "cp1251")  # of names that a file does not declare, and cp1252 spoils
 
 
 @dataclass(frozen=True)
@@ -83,20 +91,43 @@ class Named:
 
     kind: str = ""
     side: int = BOTH
+    panel: str = ""  # SIDE_PANEL of a front or back, UNDER_SLEEVE of a sleeve
+
+
+def plain(text: str) -> str:
+    """A text in lower case without accents of Latin and Greek letters; other scripts as they are."""
+    apart = unicodedata.normalize("NFKD", text.lower()).translate(LETTERS)
+    return unicodedata.normalize("NFC", re.sub(r"[\u0300-\u036f]", "", apart))
 
 
 def named(name: str) -> Named:
-    """What a piece's name says of it."""
+    """What a piece's name says of it, in whatever encoding it was written."""
+    what = _named(name)
+    if not what.kind and any(letter >= "\x80" for letter in name):
+        for read in ("cp1252", "utf-8"):  # as it may have been read
+            for encoding in ENCODINGS:
+                try:
+                    other = _named(name.encode(read).decode(encoding))
+                except UnicodeError:
+                    continue
+                if other.kind:
+                    return other
+    return what
+
+
+def _named(name: str) -> Named:
     text = re.sub(r"\d{3,}", "0", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name))  # of a style "B2204" the B is no back
-    text = re.sub(r"[_\-.,/()1-9]+|(?<!\w)0", " ", text).lower()
+    text = plain(re.sub(r"[_\-.,/()1-9#]+|(?<!\w)0", " ", text))
     found = [kind for kind, words in WORDS if re.search(words, text)]
     side = next((side for side, words in SIDES if re.search(words, text)), BOTH)
-    if not found:
-        return Named("", side)
-    kind = found[0]
+    kind = found[0] if found else ""
     if kind in ("leg", "skirt"):
         face = next((each for each in found if each in ("front", "back")), "")
         return Named(f"{kind}_{face}" if face else kind, side)
+    if kind in ("front", "back") and re.search(BESIDE, text):
+        return Named(kind, side, SIDE_PANEL)
+    if kind == "sleeve" and re.search(UNDER, text):
+        return Named(kind, side, UNDER_SLEEVE)
     return Named(kind, side)
 
 
@@ -117,10 +148,12 @@ def named_all(texts: Sequence[Sequence[str]]) -> list[Named]:
             what = replace(what, kind=_coded(words))
         elif what.kind in ("front", "back") and len(words) > 1 and len(words[0]) > 1:  # "SL FR" is of a sleeve
             what = replace(what, kind=_coded(words[:1]) or what.kind)
-        if re.search(INNER_CLOTH, material.lower()):
+        if re.search(INNER_CLOTH, plain(material)):
             what = replace(what, kind="none")
         found.append(what)
-    return found
+    # "right side front" may mean the side of the wearer: a side panel has a middle one beside it
+    whole = {what.kind for what in found if not what.panel}
+    return [what if what.kind in whole else replace(what, panel="") for what in found]
 
 
 def _coded(words: Sequence[str]) -> str:
@@ -131,7 +164,7 @@ def _coded(words: Sequence[str]) -> str:
 
 def without_side(name: str) -> str:
     """A name without the words for left and right, for finding the two of a pair."""
-    text = re.sub(r"[_\-.,/() ]+", " ", name).lower()
+    text = plain(re.sub(r"[_\-.,/() ]+", " ", name))
     for _, words in SIDES:
         text = re.sub(rf"({words})\w*", " ", text)
     return " ".join(text.split())

@@ -9,18 +9,22 @@ import numpy as np
 
 from warp_cloth.pattern.curve import Floats
 
+JOINED = 1e-3  # of the extent, within which two ends are one point
 WIDEST_GAP = 0.05  # of the extent, over which ends are joined; what is left open wider stays open
 MOST_LINES = 20_000
+MISSED = 0.3  # of a side, that its middle is from any line where none draws it
 MITRE = 4.0  # allowances, that a corner may be cut back at most
 
 
 def chained(lines: Sequence[Floats]) -> list[Floats]:
     """Closed loops, each without its first point again, shape [n, 2]; lines [m, 2] are joined at their nearest ends."""
+    lines = _distinct(lines)
     loops = [line[:-1] for line in lines if len(line) > 3 and _closed(line)]
     rest = [line for line in lines if len(line) > 1 and not _closed(line)][:MOST_LINES]
     ends = np.array([(line[0], line[-1]) for line in rest]) if rest else np.zeros((0, 2, 2))
     free = np.ones(len(rest), dtype=bool)
-    reach = WIDEST_GAP * float(np.ptp(np.concatenate(rest), axis=0).max()) if rest else 0.0
+    whole = float(np.ptp(np.concatenate(rest), axis=0).max()) if rest else 0.0
+    reach = WIDEST_GAP * whole
     while free.any():
         first = int(np.flatnonzero(free)[0])
         free[first] = False
@@ -34,12 +38,31 @@ def chained(lines: Sequence[Floats]) -> list[Floats]:
             if nearest > reach or (long_enough and float(np.hypot(*(start - tip))) <= nearest):
                 break
             free[index] = False
-            chain.append(rest[index][:: -1 if side else 1])
+            turned = rest[index][:: -1 if side else 1]
+            chain.append(turned[1:] if nearest <= JOINED * whole else turned)
         loop = np.concatenate(chain)
         extent = float(np.ptp(loop, axis=0).max())
-        if len(loop) > 2 and float(np.hypot(*(loop[0] - loop[-1]))) <= 0.5 * extent:
-            loops.append(loop)
+        gap = float(np.hypot(*(loop[0] - loop[-1])))
+        if len(loop) > 2 and gap <= 0.5 * extent:
+            loops.append(loop[:-1] if len(loop) > 3 and gap <= JOINED * extent else loop)
     return loops
+
+
+def _distinct(lines: Sequence[Floats]) -> list[Floats]:
+    """Lines that no other repeats, in either direction; lines without length are none."""
+    moving = [line for line in lines if len(line) > 1 and float(np.ptp(line, axis=0).max()) > 0.0]
+    if not moving:
+        return []
+    step = max(1e-7 * float(np.ptp(np.concatenate(moving), axis=0).max()), 1e-300)
+    seen: set[bytes] = set()
+    out = []
+    for line in moving:
+        steps = np.round(line / step)
+        key = min(steps.tobytes(), np.ascontiguousarray(steps[::-1]).tobytes())
+        if key not in seen:
+            seen.add(key)
+            out.append(line)
+    return out
 
 
 def gap_of(lines: Sequence[Floats], loop: Floats) -> float:
@@ -48,7 +71,17 @@ def gap_of(lines: Sequence[Floats], loop: Floats) -> float:
     drawn |= {(b, a) for a, b in drawn}
     ahead = np.roll(loop, -1, axis=0)
     bare = [k for k in range(len(loop)) if (loop[k].tobytes(), ahead[k].tobytes()) not in drawn]
-    return max((float(np.hypot(*(ahead[k] - loop[k]))) for k in bare), default=0.0)
+    starts = np.concatenate([line[:-1] for line in lines]) if lines else np.zeros((0, 2))
+    along = np.concatenate([np.diff(line, axis=0) for line in lines]) if lines else np.zeros((0, 2))
+    square = np.maximum((along**2).sum(axis=1), 1e-300)
+    widest = 0.0
+    for k in bare:  # a side may be drawn by several lines, or by one of whose points some were left out
+        side = float(np.hypot(*(ahead[k] - loop[k])))
+        away = 0.5 * (loop[k] + ahead[k]) - starts
+        away -= np.clip((away * along).sum(axis=1) / square, 0.0, 1.0)[:, None] * along
+        if side > widest and float(np.hypot(*away.T).min(initial=np.inf)) > MISSED * side:
+            widest = side
+    return widest
 
 
 def _closed(line: Floats) -> bool:

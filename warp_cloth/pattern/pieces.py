@@ -23,8 +23,18 @@ OPEN_GAP = 2e-3  # [m] that an outline may be open without a note
 SMOOTH = 4e-3  # [m] between points of a curve
 FOLD_NEAR = 2e-3  # [m]
 SMALL_HOLE = 0.02  # [m] across: buttonholes, eyelets and drills are left closed
+UPRIGHT = 0.05  # across over along the grain, of an edge that a text says is on the fold
 ALIKE = 3e-3  # [m] to which corners of a symmetric piece agree
 ABOUT = (("category", "description"), ("material", "fabric"))  # texts that tell what a piece is
+# Keys of texts, in the languages of programs
+NAME_KEYS = (
+    *("piecename", "partname", "piece", "part", "name", "patternname", "teilename", "teilbezeichnung", "bezeichnung"),
+    *("nompiece", "nomdelapiece", "nom", "nombrepieza", "nombredelapieza", "nombre", "pieza", "nomepezzo", "nome"),
+)
+SIZE_KEYS = ("size", "sizename", "groesse", "grosse", "konfektionsgrosse", "taille", "talla", "taglia", "tamanho")
+COUNT_KEYS = ("quantity", "qty", "pieces", "anzahl", "stuckzahl", "quantite", "cantidad", "quantita", "quantidade")
+PAIR = r"\bpairs?\b|\bpaare?\b|\bpaires?\b|\bpar(es)?\b|\bpai[ao]\b|[对對双雙]"
+ON_FOLD = r"\bon (the )?fold|\bau pli|\bbruch\b|stoffbruch|\bdoblez|\bpiega\b|对折|對折"
 SIZES = ("XXXS", "XXS", "XS", "S", "M", "L", "XL", "XXL", "XXXL", "2XL", "3XL", "4XL", "5XL", "6XL")
 
 
@@ -101,7 +111,7 @@ def _piece(
     holes = [[edge.turned(grain, np.zeros(2)) for edge in _edges(h, corners_of(h, {}, NO_POINTS))] for h in cut_out]
     inner = tuple(line @ grain.T for layer in (INTERNAL, FOLD) for line in lines.get(layer, []))
     mirror: tuple[int, ...] | None
-    fold = _fold_of(edges, [line @ grain.T for line in lines.get(FOLD, [])])
+    fold = _fold_of(edges, [line @ grain.T for line in lines.get(FOLD, [])] or _told_folds(drawn, edges))
     if fold is not None:
         start, along, flat = fold
         matrix = 2.0 * np.outer(along, along) - np.eye(2)
@@ -117,8 +127,7 @@ def _piece(
 
 
 def _named(drawn: Drawn) -> tuple[str, str]:
-    name = drawn.said("piecename", "partname", "piece", "part", "name") or drawn.block
-    return _plain(name) or "piece", _plain(drawn.said("size", "sizename"))
+    return _plain(drawn.said(*NAME_KEYS) or drawn.block) or "piece", _plain(drawn.said(*SIZE_KEYS))
 
 
 def _plain(text: str) -> str:
@@ -127,8 +136,11 @@ def _plain(text: str) -> str:
 
 def _copies(texts: dict[str, str]) -> tuple[int, int] | None:
     """How many are cut as drawn, and mirrored: "2" means a pair, "1,1" says so."""
-    text = texts.get("quantity") or texts.get("qty") or texts.get("pieces") or ""
+    text = next((texts[key] for key in COUNT_KEYS if texts.get(key)), "")
     numbers = [min(int(each), 99) for each in re.findall(r"\d{1,4}", text)[:2]]
+    if re.search(PAIR, text.lower()):
+        count = max(numbers[:1] or [1])
+        return count, count
     if not numbers or not any(numbers):
         return None
     if len(numbers) == 2:
@@ -247,6 +259,35 @@ def _fold_of(edges: Sequence[Chain], folds: Sequence[Floats]) -> tuple[Floats, F
     return None
 
 
+def _told_folds(drawn: Drawn, edges: Sequence[Chain]) -> list[Floats]:
+    """The longest straight edge along the grain, where a text says that the piece is cut on the fold."""
+    said = " ".join((*drawn.texts.values(), *drawn.remarks)).lower()
+    if not re.search(ON_FOLD, said):
+        return []
+    ends = [np.stack([edge.start, edge.end]) for edge in edges]
+    along = [np.abs(line[1] - line[0]) for line in ends]
+    straight = [
+        k
+        for k, (x, y) in enumerate(along)
+        if x <= UPRIGHT * y and _off(edges[k], edges[k].start, (ends[k][1] - ends[k][0]) / y) < FOLD_NEAR
+    ]
+    return [ends[max(straight, key=lambda k: edges[k].chord)]] if straight else []
+
+
+def opened(piece: Piece, centre: Sequence[int]) -> Piece | None:
+    """A half piece mirrored at the edges of its centre; None where these are no straight fold."""
+    fold = _fold_of(piece.edges, [np.stack([piece.edges[centre[0]].start, piece.edges[centre[-1]].end])])
+    if fold is None or {k for k, flat in enumerate(fold[2]) if flat} != set(centre):
+        return None
+    start, along, flat = fold
+    edges, mirror = _unfolded(piece.edges, flat, start, along)
+    matrix = 2.0 * np.outer(along, along) - np.eye(2)
+    shift = start - matrix @ start
+    notches = np.concatenate([piece.notches, piece.notches @ matrix.T + shift])
+    other = tuple(tuple(edge.turned(matrix, shift).reversed for edge in hole[::-1]) for hole in piece.holes)
+    return replace(piece, edges=tuple(edges), mirror=mirror, notches=notches, holes=(*piece.holes, *other))
+
+
 def _unfolded(
     edges: Sequence[Chain], flat: Sequence[bool], start: Floats, along: Floats
 ) -> tuple[list[Chain], tuple[int, ...]]:
@@ -308,10 +349,11 @@ def _halved(edges: list[Chain]) -> tuple[list[Chain], tuple[int, ...] | None]:
 def _sized(pieces: list[Piece]) -> list[Piece]:
     """The pieces with sizes that only their names state ("FRONT-M"), where names so end in sizes."""
     ends = [re.match(r"^(.*\S)\s*[-_ .(]\s*([A-Za-z0-9]{1,4})\)?$", piece.name) for piece in pieces]
+    firsts = {found[1].upper() for piece in pieces if (found := _FIRST.match(piece.name))}
     out = []
     for piece, found in zip(pieces, ends, strict=True):
         if found is None:
-            out.append(piece)
+            out.append(piece if piece.size else _size_first(piece, firsts))
             continue
         stem, size = found[1], found[2]
         if piece.size:
@@ -320,5 +362,19 @@ def _sized(pieces: list[Piece]) -> list[Piece]:
             of_stem = [each[2].upper() for each in ends if each is not None and each[1] == stem]
             others = len(of_stem)
             named = (size.upper() in SIZES and "R" not in of_stem) or (size.isdigit() and int(size) > 3 and others > 1)
+        if not named and not piece.size:
+            piece = _size_first(piece, firsts)
         out.append(replace(piece, name=stem, size=size) if named else piece)
     return out
+
+
+_FIRST = re.compile(r"^([A-Za-z0-9]{1,4})\s*[-_ .]\s*(.*\S)$")
+
+
+def _size_first(piece: Piece, firsts: set[str]) -> Piece:
+    """A piece whose name begins with its size ("M_FRONT"), where others begin with others."""
+    found = _FIRST.match(piece.name)
+    sizes = firsts.intersection(SIZES)
+    if found is None or found[1].upper() not in sizes or len(sizes) < 2 or sizes <= {"L", "R"}:
+        return piece
+    return replace(piece, name=found[2], size=found[1].upper())

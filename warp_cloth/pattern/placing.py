@@ -12,7 +12,8 @@ from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.figure import UP, Figure
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
-from warp_cloth.pattern.proposal import sleeve_side
+from warp_cloth.pattern.runs import faces_of, role_of
+from warp_cloth.pattern.sleeves import sleeve_side, under_sleeve_of
 from warp_cloth.pattern.specification import Side
 from warp_cloth.pattern.wrap import Wrap, flat_wrap
 
@@ -45,14 +46,17 @@ def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> 
 def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
     part = parts[index]
     by_kind: dict[str, Callable[[], Wrap | None]] = {
-        "front": lambda: _trunk(part, figure, True),
-        "back": lambda: _trunk(part, figure, False),
+        "front": lambda: _trunk(part, figure, True, _beside_it(parts, index)),
+        "back": lambda: _trunk(part, figure, False, _beside_it(parts, index)),
+        "side_front": lambda: _side_panel(parts, index, figure, True),
+        "side_back": lambda: _side_panel(parts, index, figure, False),
         "skirt_front": lambda: _trunk(part, figure, True),
         "skirt_back": lambda: _trunk(part, figure, False),
         "leg_front": lambda: _leg(part, figure, True),
         "leg_back": lambda: _leg(part, figure, False),
         "leg": lambda: _whole_leg(part, figure),
         "sleeve": lambda: _sleeve(parts, index, figure),
+        "under_sleeve": lambda: _under_sleeve(parts, index, figure),
         "hood": lambda: _hood(part, figure),
         "collar": lambda: _band(parts, index, figure),
         "waistband": lambda: _band(parts, index, figure),
@@ -87,21 +91,61 @@ def _lens(drop: float, half: Floats) -> Floats:
     return np.minimum(2.0 * drop / half**2, MOST_ROLLED / half)
 
 
-def _trunk(part: Part, figure: Figure, is_front: bool) -> Wrap:
-    across, outward, depth = _frame(figure, is_front)
-    levels, least, most = _spans(part)
-    high = levels[-1]
-    top = float(figure.middle[1]) if part.kind.startswith("skirt") else float(figure.neck[1])
+def _middle_of(part: Part, is_front: bool, least: Floats, most: Floats) -> float:
+    """Where across a front or back the trunk's middle lies."""
     if part.side == BOTH:
-        centre = np.full(LEVELS, 0.5 * (least.min() + most.max()))
-    else:  # its middle is at the inner side
-        inner_low = (part.side == LEFT) == is_front
-        centre = np.full(LEVELS, least.min() if inner_low else most.max())
-        centre += GAP * (-1.0 if inner_low else 1.0)
-    half = np.maximum(most - centre, centre - least)
+        return float(0.5 * (least.min() + most.max()))
+    inner_low = (part.side == LEFT) == is_front  # its middle is at the inner side
+    return float(least.min() - GAP if inner_low else most.max() + GAP)
+
+
+def _beside_it(parts: Sequence[Part], index: int) -> float:
+    """How far a front or back goes on in side panels [m]."""
+    face = next(face for face in faces_of(parts, parts[index].kind) if face[0] == index)
+    return max((float(np.ptp(parts[panel].shape.box, axis=0)[0]) for panel in face[1:]), default=0.0)
+
+
+def _trunk(part: Part, figure: Figure, is_front: bool, beside: float = 0.0) -> Wrap:
+    levels, least, most = _spans(part)
+    top = float(figure.middle[1]) if part.kind.startswith("skirt") else float(figure.neck[1])
+    centre = np.full(LEVELS, _middle_of(part, is_front, least, most))
+    half = np.maximum(most - centre, centre - least) + beside
+    return _round_trunk(part, figure, is_front, levels, centre, half, top + levels - levels[-1])
+
+
+def _round_trunk(
+    part: Part, figure: Figure, is_front: bool, levels: Floats, centre: Floats, half: Floats, height: Floats
+) -> Wrap:
+    """Levels at these heights, the trunk's middle at ``centre``, each bent as what covers ``half`` of it is."""
+    across, outward, depth = _frame(figure, is_front)
     chest = np.maximum(half, 0.5 * half.max())
-    origin = np.stack([figure.at_height(top + y - high) + depth * outward for y in levels])
+    origin = np.stack([figure.at_height(y) + depth * outward for y in height])
     return Wrap(part.up, levels, centre, _lens(depth, chest), origin, *_repeated(across, outward))
+
+
+def _side_panel(parts: Sequence[Part], index: int, figure: Figure, is_front: bool) -> Wrap | None:
+    """As the middle panel goes on: the princess seams of both at one place, from their tops down."""
+    part = parts[index]
+    face = "front" if is_front else "back"
+    middle = next((each[0] for each in faces_of(parts, face) if index in each), None)
+    own = part.roles.get("princess", ())
+    there = () if middle is None or part.side == BOTH else role_of(parts, middle, "princess", part.side)
+    if middle is None or not own or not there:
+        return None
+    seam, other = _run_points(part, own), _run_points(parts[middle], there)
+    levels, least, most = _spans(part)
+    high, its_least, its_most = _spans(parts[middle])
+    up = levels + float(other[:, 1].max() - seam[:, 1].max())
+    reach = np.interp(up, other[:, 1], other[:, 0]) - _middle_of(parts[middle], is_front, its_least, its_most)
+    centre = np.interp(levels, seam[:, 1], seam[:, 0]) - reach - GAP * np.sign(reach)
+    half = np.maximum(most - centre, centre - least)
+    return _round_trunk(part, figure, is_front, levels, centre, half, float(figure.neck[1]) + up - high[-1])
+
+
+def _run_points(part: Part, run: Sequence[int]) -> Floats:
+    """Points along edges [m], from the lowest to the highest, shape [N, 2]."""
+    points = np.concatenate([part.shape.turned[k].at(np.linspace(0.0, 1.0, 65)) for k in run])
+    return np.asarray(points[points[:, 1].argsort(kind="stable")])
 
 
 def _repeated(across: Floats, outward: Floats, count: int = LEVELS) -> tuple[Floats, Floats]:
@@ -192,7 +236,29 @@ def _shortened(parts: Sequence[Part], figure: Figure) -> float:
 
 
 def _sleeve(parts: Sequence[Part], index: int, figure: Figure) -> Wrap:
-    part, side = parts[index], sleeve_side(parts, index)
+    under = under_sleeve_of(parts, index)
+    share = 1.0 if under is None else _share(parts[index], parts[under[0]])
+    return _round_arm(parts, index, figure, sleeve_side(parts, index), share, 1.0)
+
+
+def _under_sleeve(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
+    for sleeve in (each for each, part in enumerate(parts) if part.kind == "sleeve"):
+        under = under_sleeve_of(parts, sleeve)
+        if under is not None and under[0] == index:
+            share = 1.0 - _share(parts[sleeve], parts[index])
+            return _round_arm(parts, index, figure, sleeve_side(parts, sleeve), share, -1.0)
+    return None
+
+
+def _share(upper: Part, under: Part) -> float:
+    """How much of the arm an upper sleeve covers."""
+    widths = [part.shape.width(0.5) for part in (upper, under)]
+    return float(np.clip(widths[0] / max(sum(widths), 1e-6), 0.2, 0.8))
+
+
+def _round_arm(parts: Sequence[Part], index: int, figure: Figure, side: int, share: float, facing: float) -> Wrap:
+    """Round a share of the arm, from its top (``facing`` 1) or from below (-1)."""
+    part = parts[index]
     under = _underarm(part)
     levels, least, most = _spans(part, under)
     below = levels <= under
@@ -201,8 +267,8 @@ def _sleeve(parts: Sequence[Part], index: int, figure: Figure) -> Wrap:
     centre = np.where(below, 0.5 * (least + most), 0.5 * (least + most)[at_armpit])
     distance = (under - levels) * np.where(levels < under, _shortened(parts, figure), 1.0)
     origin, toward = _along_limb(figure.arms[1 if side == LEFT else 0], distance + FROM_ARMPIT)
-    across, outward = _around_arm(figure, toward, side)
-    bend = WHOLE_TURN / np.maximum(width, 0.04)
+    across, outward = (facing * each for each in _around_arm(figure, toward, side))
+    bend = share * WHOLE_TURN / np.maximum(width, 0.04)
     return Wrap(part.up, levels, centre, bend, origin + outward / bend[:, None], across, outward)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,6 +19,7 @@ DART = np.radians(110.0)  # how far the outline turns back at a dart's tip
 DART_ALIKE = 0.05  # relative difference of a dart's legs
 STRIP = 2.5  # length over width
 STEEP = 0.75  # |dy| of an underarm edge, per length
+BOWED_END = 0.08  # of the chord, that the top of a sleeve bows, and its hem does not
 RAGLAN = 0.1  # [m] that an edge to the neck rises which is no shoulder
 
 Roles = dict[str, tuple[int, ...]]
@@ -120,22 +121,29 @@ def upright(edges: tuple[Chain, ...], kind: str) -> Floats:
     shape = Shape(edges, np.array([0.0, 1.0]))
     low, high = shape.box
     height = float(high[1] - low[1])
-    if kind in ("front", "back", "leg_front", "leg_back", "leg"):
+    if kind in ("front", "back", "side_front", "side_back", "leg_front", "leg_back", "leg"):
         hollow = [k for k in shape.order if shape.is_concave(k)]
-        weights = [-shape.bow(k) * shape.edges[k].length for k in hollow]
+        weights = [-shape.bow(k) / max(shape.edges[k].chord, 1e-9) for k in hollow]  # a waist is long, and less hollow
         rise = sum(w * (shape.middle(k)[1] - low[1]) for w, k in zip(weights, hollow, strict=True))
         above = rise / sum(weights) / height - 0.5 if hollow else 0.0
     elif kind == "hood":
         most = max(shape.order, key=shape.bow)
         above = float(shape.middle(most)[1] - low[1]) / height - 0.5
-    elif kind in ("sleeve", "skirt_front", "skirt_back", "skirt"):
+    elif kind in ("sleeve", "under_sleeve") and (ends := [k for k in shape.order if _is_bowed_end(shape, k)]):
+        most = max(ends, key=lambda k: abs(shape.bow(k)))  # the cap, or the top of an under sleeve
+        above = float(shape.middle(most)[1] - low[1]) / height - 0.5
+    elif kind in ("sleeve", "under_sleeve", "skirt_front", "skirt_back", "skirt"):
         above = (shape.width(0.04) - shape.width(0.96)) / max(shape.width(0.5), 1e-6)
     else:
         above = 0.0
     return np.array([0.0, -1.0 if above < -0.02 else 1.0])
 
 
-def _ends(shape: Shape) -> tuple[tuple[int, int], tuple[int, int]]:
+def _is_bowed_end(shape: Shape, k: int) -> bool:
+    return shape.runs_across(k) and abs(shape.bow(k)) > BOWED_END * shape.turned[k].chord
+
+
+def ends_of(shape: Shape) -> tuple[tuple[int, int], tuple[int, int]]:
     """Places in ``order`` of the bottom and of the top: first edge, and the one after the last."""
     order, count = shape.order, len(shape.order)
 
@@ -159,10 +167,14 @@ def _ends(shape: Shape) -> tuple[tuple[int, int], tuple[int, int]]:
     return grown(bottom, True), grown(top, False)
 
 
-def bodice_roles(shape: Shape, whole: bool) -> Roles:
-    """neck, hem; shoulder, armhole and side at +x and -x, as "shoulder+"; of a half also centre, with one side."""
+def bodice_roles(shape: Shape, whole: bool, beside: Callable[[Shape, Sequence[int], str], Roles]) -> Roles:
+    """neck, hem; shoulder, armhole and side at +x and -x, as "shoulder+"; of a half also centre, with one side.
+
+    ``beside`` tells the roles of the edges from the hem up to the neck: ``arm_side``, or of a middle panel
+    ``panel_roles.middle_side``.
+    """
     order, count = shape.order, len(shape.order)
-    (hem_first, hem_end), _ = _ends(shape)
+    (hem_first, hem_end), _ = ends_of(shape)
     starts = np.array([shape.turned[k].start for k in order])
     low, high = shape.box
     middle = 0.5 * (low[0] + high[0])
@@ -175,8 +187,8 @@ def bodice_roles(shape: Shape, whole: bool) -> Roles:
                 return roles
             tips.append(int(mine[starts[mine, 1].argmax()]))
         roles["neck"] = shape.run(tips[0], tips[1])
-        roles |= _arm_side(shape, shape.run(hem_end, tips[0]), "+")
-        roles |= _arm_side(shape, shape.run(tips[1], hem_first)[::-1], "-")
+        roles |= beside(shape, shape.run(hem_end, tips[0]), "+")
+        roles |= beside(shape, shape.run(tips[1], hem_first)[::-1], "-")
         return roles
     tallest = _centre_run(shape, hem_first, hem_end)
     if tallest is None:
@@ -187,10 +199,10 @@ def bodice_roles(shape: Shape, whole: bool) -> Roles:
     if at_right:  # hem, centre, neck, shoulder, armhole, side
         neck_from = (order.index(centre[-1]) + 1) % count
         roles["neck"] = shape.run(neck_from, tip)
-        roles |= _arm_side(shape, shape.run(tip, hem_first)[::-1], "-")
+        roles |= beside(shape, shape.run(tip, hem_first)[::-1], "-")
     else:
         roles["neck"] = shape.run(tip, order.index(centre[0]))
-        roles |= _arm_side(shape, shape.run(hem_end, tip), "+")
+        roles |= beside(shape, shape.run(hem_end, tip), "+")
     return roles
 
 
@@ -213,7 +225,7 @@ def _centre_run(shape: Shape, hem_first: int, hem_end: int) -> tuple[tuple[int, 
     return (best[1], best[2]) if best[1] and best[0] > 0.0 else None
 
 
-def _arm_side(shape: Shape, up: Sequence[int], mark: str) -> Roles:
+def arm_side(shape: Shape, up: Sequence[int], mark: str) -> Roles:
     """Shoulder, armhole and side of the edges from the hem up to the neck, in that order; runs as the loop runs."""
     if len(up) < 2:
         return {f"side{mark}": tuple(up)}
@@ -227,7 +239,8 @@ def _arm_side(shape: Shape, up: Sequence[int], mark: str) -> Roles:
     hollow = [k for k in range(len(up) - 1) if shape.is_concave(up[k])]
     if not hollow:
         return {f"side{mark}": tuple(up[:-1])[as_loop], f"shoulder{mark}": (up[-1],)}
-    deepest = min(hollow, key=lambda k: shape.bow(up[k]))
+    # an armhole is hollow for its length; a side may be at the waist
+    deepest = min(hollow, key=lambda k: shape.bow(up[k]) / max(shape.turned[up[k]].chord, 1e-9))
     low, high = deepest, deepest + 1
 
     def smooth(k: int) -> bool:
@@ -244,7 +257,7 @@ def _arm_side(shape: Shape, up: Sequence[int], mark: str) -> Roles:
 
 def leg_roles(shape: Shape) -> Roles:
     """waist, hem, outseam, inseam, crotch; "inner+" or "inner-" tells on which side the crotch is."""
-    (hem_first, hem_end), (waist_first, waist_end) = _ends(shape)
+    (hem_first, hem_end), (waist_first, waist_end) = ends_of(shape)
     roles: Roles = {"hem": shape.run(hem_first, hem_end), "waist": shape.run(waist_first, waist_end)}
     right, left = shape.run(hem_end, waist_first), shape.run(waist_end, hem_first)
     if not right or not left:
@@ -264,7 +277,7 @@ def leg_roles(shape: Shape) -> Roles:
 def sleeve_roles(shape: Shape) -> Roles:
     """hem, cap, and the underarm seams at +x and -x."""
     order, count = shape.order, len(shape.order)
-    (hem_first, hem_end), _ = _ends(shape)
+    (hem_first, hem_end), _ = ends_of(shape)
 
     def climbed(place: int, step: int) -> int:
         taken = 0
@@ -301,7 +314,7 @@ def _raglan_roles(shape: Shape, cap: tuple[int, ...]) -> Roles:
 
 def pants_roles(shape: Shape) -> Roles:
     """waist and hem of a whole leg; inseam and crotch at +x and -x."""
-    (hem_first, hem_end), (waist_first, waist_end) = _ends(shape)
+    (hem_first, hem_end), (waist_first, waist_end) = ends_of(shape)
     roles: Roles = {"hem": shape.run(hem_first, hem_end), "waist": shape.run(waist_first, waist_end)}
     for mark, run in (("+", shape.run(hem_end, waist_first)), ("-", shape.run(waist_end, hem_first))):
         corners = [float(shape.turned[k].start[0]) for k in run[1:]]
@@ -344,7 +357,7 @@ def hood_roles(shape: Shape) -> Roles:
 
 def skirt_roles(shape: Shape) -> Roles:
     """waist, hem, and the sides at +x and -x."""
-    (hem_first, hem_end), (waist_first, waist_end) = _ends(shape)
+    (hem_first, hem_end), (waist_first, waist_end) = ends_of(shape)
     return {
         "hem": shape.run(hem_first, hem_end),
         "waist": shape.run(waist_first, waist_end),

@@ -107,6 +107,8 @@ class _Around:
             triangles.edges = wp.array(np.where(self._signed[near] < 0, -1 - at, at), dtype=wp.vec3i, device=device)
         if model.terms.angles:
             edges.rest = some(model.edges.rest, needed)
+        if model.terms.hysteresis:
+            edges.hysteresis = some(model.edges.hysteresis, needed)
         if model.terms.yarns:
             triangles.slope = some(model.triangles.slope, near)
             triangles.yarns = some(model.triangles.yarns, near)

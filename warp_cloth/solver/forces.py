@@ -74,7 +74,7 @@ class ForcePass:
             normal, sides = self._normals.normal, self._normals.sides
         iterates = accumulate.is_bound
         if terms.edges or terms.folds:
-            packets = iterates and not terms.angles and takes_packets(model, edges)
+            packets = iterates and not (terms.angles or terms.hysteresis) and takes_packets(model, edges)
             kernel, size = edges_kernel(*asked, WIDTH if packets else 1), pass_size(edges, packets)
             self._passes.append((kernel, size, [model.edges, normal], [fold, load]))
         if terms.folds or terms.yarns:

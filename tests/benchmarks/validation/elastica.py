@@ -5,8 +5,8 @@ M the moment per width, and (H, V) the force per width that the part beyond s pu
 
     x' = cos theta    z' = sin theta    theta' = curvature(M)    M' = H sin theta - V cos theta    H' = 0    V' = w
 
-The model's law is M = b curvature^2 / 2 (``power`` 1/2), a laboratory's line M = B curvature (``power`` 1). Lengths
-here are in l = (b / 2 w)^(1/4), which is 1.047 bending lengths c.
+The model's law is M = b curvature^2 / 2 (``power`` 1/2), a laboratory's line M = B curvature (``power`` 1). Friction
+adds up to h either way (``Slider``). Lengths here are in l = (b / 2 w)^(1/4), which is 1.047 bending lengths c.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 LENGTH = MATCHED_FOLD**-0.25  # l over the bending length c
 SOFT = 1e-5  # moments below are taken as linear: the root's slope at 0 is infinite
 POINTS = 401
+BISECTIONS = 45
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,16 @@ class Shape:
     s: Floats
     x: Floats
     z: Floats
+    curvature: Floats | None = None  # where it was solved for
+
+
+@dataclass(frozen=True, eq=False)
+class Slider:
+    """Friction that resists a change of curvature from the one that the strip was laid into; units of l and w."""
+
+    moment: float
+    clinging: float  # change at which the moment is reached
+    laid: Shape | None = None  # whose curvature the strip was laid into; None: flat
 
 
 def curvature(moment: Floats, power: float) -> Floats:
@@ -51,6 +62,21 @@ def curvature(moment: Floats, power: float) -> Floats:
     if power == 1.0:
         return np.asarray(moment / LENGTH**-3)  # M = B k, B = w c^3
     return np.asarray(moment * (moment**2 + SOFT**2) ** (0.5 * (power - 1.0)))
+
+
+def rubbing_curvature(s: Floats, moment: Floats, slider: Slider) -> Floats:
+    """Curvature where M = k |k| + h min(max((k - laid) / clinging, -1), 1), found by bisection."""
+    laid = 0.0 * s
+    if slider.laid is not None and slider.laid.curvature is not None:
+        laid = np.interp(s, slider.laid.s, slider.laid.curvature)
+    reach = np.sqrt(np.abs(moment) + slider.moment) + SOFT
+    low, high = -reach, reach
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        held = slider.moment * np.clip((middle - laid) / slider.clinging, -1.0, 1.0)
+        below = middle * np.abs(middle) + held < moment
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return np.asarray(0.5 * (low + high))
 
 
 def guess(strip: Strip) -> tuple[Floats, Floats]:
@@ -76,8 +102,8 @@ def line(s: Floats, angle: Floats) -> Shape:
     return Shape(s, x, z)
 
 
-def solve(strip: Strip, power: float = 0.5) -> Shape:
-    """The strip's line at rest. The weight grows from nearly none, so that the solver follows it.
+def solve(strip: Strip, power: float = 0.5, slider: Slider | None = None, heavier: float = 1.0) -> Shape:
+    """The strip's line at rest, under so many times its weight. This grows from nearly none: the solver follows it.
 
     Raises:
         RuntimeError: the solver finds none.
@@ -89,12 +115,14 @@ def solve(strip: Strip, power: float = 0.5) -> Shape:
     if power == 1.0:
         state[3] = moment * LENGTH**-3
     found = None
-    for weight in (0.03, 0.1, 0.2, 0.4, 0.7, 1.0):
+    for fraction in (0.03, 0.1, 0.2, 0.4, 0.7, 1.0):
+        weight = fraction * heavier
 
         def change(at: Floats, y: Floats, p: Floats, weight: float = weight) -> Floats:
             below = weight * (at - strip.span)  # V
             turn = p[0] * np.sin(y[2]) - below * np.cos(y[2])
-            return np.stack([np.cos(y[2]), np.sin(y[2]), curvature(y[3], power), turn])
+            bent = curvature(y[3], power) if slider is None else rubbing_curvature(at, y[3], slider)
+            return np.stack([np.cos(y[2]), np.sin(y[2]), bent, turn])
 
         def ends(a: Floats, b: Floats, p: Floats) -> Floats:
             held = [a[0], a[1], a[2] - strip.first]
@@ -106,4 +134,5 @@ def solve(strip: Strip, power: float = 0.5) -> Shape:
         if not found.success:
             raise RuntimeError(f"{strip} at {weight} of its weight: {found.message}")
         s, state, pull = found.x, found.y, found.p
-    return Shape(s, state[0], state[1])
+    bent = curvature(state[3], power) if slider is None else rubbing_curvature(s, state[3], slider)
+    return Shape(s, state[0], state[1], bent)

@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from measured import Figures, add_write_option
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.bench.specimen import Specimen
+from warp_cloth.bench.specimen import Specimen, laid_by
 from warp_cloth.bench.swatch import strip as regular_strip
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.material.laboratory import GRAVITY, bending_of_rigidity
@@ -58,6 +58,8 @@ class Run:
     per_length: int
     method: str = "multilevel"
     device: str = "cpu"
+    fabric: Fabric = FABRIC
+    let_down: float = 0.0  # times its weight under which it hung before; 0: laid from the flat
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,15 +108,18 @@ def settled(run: Run) -> Settled:
     if both:
         held |= s > whole - 0.6 * edge
     place = unit * _started(strip, s / unit)
-    specimen = Specimen(
-        mesh,
-        FABRIC,
-        np.flatnonzero(held).astype(np.int32),
-        weightless=False,
-        device=run.device,
-        options=StepOptions(method=run.method),
-    )
-    found = specimen.settle(np.column_stack([flat[:, 0], place[:, 1], place[:, 0]]), TIGHT, LIMIT)
+    clamped, start = np.flatnonzero(held).astype(np.int32), np.column_stack([flat[:, 0], place[:, 1], place[:, 0]])
+
+    def specimen(weight: float, laid: Floats | None) -> Specimen:
+        fabric, options = replace(run.fabric, weight=weight), StepOptions(method=run.method)
+        return Specimen(mesh, fabric, clamped, weightless=False, device=run.device, options=options, laid=laid)
+
+    laid = None
+    if run.let_down:
+        hung = specimen(run.let_down * run.fabric.weight, None)
+        start = hung.settle(start, TIGHT, LIMIT).points
+        laid = laid_by(hung.rest, start)
+    found = specimen(run.fabric.weight, laid).settle(start, TIGHT, LIMIT)
     shape = _middle(s / edge, edge / unit, found.points[:, [2, 1]] / unit, strip)
     return Settled(run, shape, found.check.within(TIGHT), found.check.iteration)
 

@@ -209,6 +209,8 @@ def _tables(
         tables.hinge_stiffness = constant("hinge_stiffness", types.real, more=1)
     if terms.angles:
         tables.rest = constant("rest", types.vec2)
+    if terms.hysteresis:
+        tables.hysteresis = constant("hysteresis", types.vec4)
     if terms.folds or terms.yarns:
         tables.corners = laid("corners", wp.uint64, more=1)
         tables.slot = laid("slot", wp.vec4i)
@@ -237,6 +239,8 @@ def _patch_constants(elements: Elements, tables: PatchTables, terms: Terms) -> d
         found["constants_start"], found["constants_count"] = start, count
     if terms.angles:
         found["rest"] = elements.rest[tables.edge]
+    if terms.hysteresis:
+        found["hysteresis"] = elements.hysteresis[tables.edge]
     if terms.yarns:
         found["slope"], found["yarns"] = elements.slope[tables.triangle], elements.yarns[tables.triangle]
     return found

@@ -73,7 +73,7 @@ def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], ...]:
     """Energies [J] of every edge, shape [E], hinge, shape [H], and woven triangle, shape [T]."""
     fold = wp.zeros(model.hinge_count, dtype=wp.float64, device=model.device)
     if model.hinges is not None:
-        kernel = measure_bending_kernel(model.precision, model.terms.angles)
+        kernel = measure_bending_kernel(model.precision, model.terms)
         wp.launch(kernel, dim=model.hinge_count, inputs=[model.state, model.hinges, fold], device=model.device)
     return _measure_tension(model)[0].numpy(), fold.numpy(), _measure_weave(model)[0].numpy()
 

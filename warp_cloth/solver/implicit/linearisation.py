@@ -23,7 +23,7 @@ class Linearisation:
         self.pair = wp.zeros(self.pair_count, dtype=own.vec6, device=device)  # symmetric part of each [N/m]
         self._gradient = wp.zeros((4, model.hinge_count), dtype=types.vec3, device=device)
         self._side = wp.zeros((3, model.weave_count), dtype=own.vec6, device=device)
-        self._kernels = stiffness_kernels(model.precision, model.terms.angles)
+        self._kernels = stiffness_kernels(model.precision, model.terms)
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that it launches."""

@@ -1,0 +1,101 @@
+"""Patterns drafted for tests with princess seams and sleeves of two pieces."""
+
+from __future__ import annotations
+
+import numpy as np
+from dxf_patterns import Drafted, Point, bezier, half_body, length, line, middle, sleeve
+
+
+def cut_at(curve: list[Point], share: float) -> tuple[list[Point], list[Point]]:
+    """A polyline in two, cut at a share of its length."""
+    p = np.array(curve)
+    reached = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(p, axis=0).T))])
+    place, at = middle(curve, share), int(np.searchsorted(reached, share * reached[-1]))
+    return [*curve[:at], place], [place, *curve[at:]]
+
+
+def panelled(half: Drafted, waist: float, from_shoulder: bool, names: tuple[str, str]) -> list[Drafted]:
+    """Half a front or back as a middle panel on the fold and a side panel, taken in at the waist between them."""
+    hem, side, armhole, shoulder, neck, fold = half.edges
+    foot = middle(hem, 0.5)
+    if from_shoulder:
+        outer, inner = cut_at(shoulder, 0.5)
+    else:
+        outer, inner = cut_at(armhole, 0.5)
+    top = outer[-1]
+    mid, high = 0.55 * top[1], 0.75 * top[1]
+
+    def seam(shift: float) -> list[Point]:
+        low = bezier(foot, (foot[0], 0.3 * mid), (foot[0] + shift, 0.6 * mid), (foot[0] + shift, mid))
+        return [*low, *bezier(low[-1], (foot[0] + shift, high), (foot[0] + 2.0, high), top)[1:]]
+
+    middle_rest = [inner, neck, fold] if from_shoulder else [inner, shoulder, neck, fold]
+    side_rest = [side, armhole, outer] if from_shoulder else [side, outer]
+    own, beside = seam(-waist), seam(waist)
+    return [
+        Drafted(names[0], [line(hem[0], foot), own, *middle_rest], "1", half.fold, [middle(own, 0.55)]),
+        Drafted(names[1], [line(foot, hem[1]), *side_rest, beside[::-1]], "2", None, [middle(beside, 0.55)]),
+    ]
+
+
+def princess(grade: float = 0.0) -> list[Drafted]:
+    """A top with princess seams from the armhole in front, and from the shoulder behind."""
+    front = half_body("FRONT", 26.0 + grade, 60.0 + grade, 8.5, 9.5, 20.0 + 0.7 * grade)
+    back = half_body("BACK", 26.0 + grade, 60.0 + grade, 8.5, 2.5, 20.0 + 0.7 * grade)
+    arm = sleeve("SLEEVE", 18.0 + 0.6 * grade, 30.0, 15.0, length(front.edges[2]), length(back.edges[2]))
+    return [
+        *panelled(front, 0.8, False, ("CENTER FRONT", "SIDE FRONT")),
+        *panelled(back, 1.0, True, ("CENTER BACK", "SIDE BACK")),
+        arm,
+    ]
+
+
+def two_piece_sleeve(armholes: float, names: tuple[str, str]) -> list[Drafted]:
+    """A left sleeve, its front at -x: an upper piece, and an under one as it is drafted, laid on the upper."""
+    front, back, hand = (-15.0, 42.0), (14.0, 47.0), (-13.0, 0.0)
+    inner_front, inner_back = (-11.0, 41.5), (4.0, 46.5)
+    under_top = [*bezier(inner_back, (1.0, 41.0), (-2.0, 39.0), (-5.0, 39.0), 12)]
+    under_top += bezier((-5.0, 39.0), (-8.0, 39.0), (-10.0, 40.0), inner_front, 12)[1:]
+
+    def cap(high: float) -> list[Point]:
+        behind = bezier(back, (12.0, 47.0 + 0.6 * high), (7.0, 47.0 + high), (0.0, 47.0 + high), 16)
+        ahead = bezier(behind[-1], (-6.0, 47.0 + high), (-11.5, 45.0), front, 16)
+        return [*behind, *ahead[1:]]
+
+    low, high = 2.0, 30.0
+    for _ in range(50):
+        tried = 0.5 * (low + high)
+        short = length(cap(tried)) + length(under_top) < 1.03 * armholes
+        low, high = (tried, high) if short else (low, tried)
+
+    def piece(name: str, f: Point, b: Point, hem: tuple[Point, Point], top: list[Point], notch: Point) -> Drafted:
+        behind = bezier(hem[1], (hem[1][0] + 5.0, 15.0), (b[0] + 3.0, 30.0), b, 16)
+        ahead = bezier(f, (f[0] + 3.5, 28.0), (hem[0][0] + 3.0, 15.0), hem[0], 16)
+        return Drafted(name, [line(*hem), behind, top, ahead], "2", None, [notch])
+
+    return [
+        piece(names[0], front, back, (hand, (4.0, 1.0)), cap(low), (0.0, 47.0 + low)),
+        piece(names[1], inner_front, inner_back, ((-9.0, 0.0), (-6.0, 1.0)), under_top, (-5.0, 39.0)),
+    ]
+
+
+def jacket(grade: float = 0.0) -> list[Drafted]:
+    """A top with princess seams from the shoulder, and sleeves of two pieces."""
+    front = half_body("FRONT", 27.0 + grade, 64.0 + grade, 8.5, 9.5, 21.0 + 0.7 * grade)
+    back = half_body("BACK", 27.0 + grade, 64.0 + grade, 8.5, 2.5, 21.0 + 0.7 * grade)
+    arms = two_piece_sleeve(length(front.edges[2]) + length(back.edges[2]), ("TOP SLEEVE", "UNDER SLEEVE"))
+    return [
+        *panelled(front, 0.8, True, ("FRONT", "SIDE FRONT")),
+        *panelled(back, 1.0, True, ("BACK", "SIDE BACK")),
+        *arms,
+    ]
+
+
+PANELLED = {"princess": princess, "jacket": jacket}
+TRUE_PANELLED_SEAMS = {
+    "princess": {"princess": 4, "shoulder": 2, "side": 2, "sleeve cap": 2, "underarm": 2},
+    "jacket": {
+        **{"princess": 4, "shoulder": 2, "side": 2, "sleeve cap": 2},
+        **{"front sleeve seam": 2, "back sleeve seam": 2},
+    },
+}

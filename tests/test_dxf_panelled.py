@@ -1,0 +1,84 @@
+"""Princess seams, sleeves of two pieces, names in many languages; and no seam sewn where two fit equally well."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from dxf_panelled import PANELLED, TRUE_PANELLED_SEAMS
+from dxf_patterns import GRADES, TRUE_SEAMS, Style, tshirt, write
+from test_dxf import boundary_loops, kinds
+
+from warp_cloth.pattern import DraftOptions, read_drafted
+from warp_cloth.pattern.draft import Stated
+from warp_cloth.pattern.dxf import repaired
+from warp_cloth.pattern.kinds import named
+from warp_cloth.pattern.proposal import SEWN_FROM
+
+NAMES = {
+    "front": "CENTER FRONT|Vorderteil|devant|delantero|davanti|frente|voorpand|Przód|полочка|ön beden|qian pian|前片",
+    "back": "BACK ON FOLD|BACK SHOULDER|Rückenteil|dos|espalda|dietro|costas|achterpand|tył|спинка|arka|houpian|后片",
+    "sleeve": "Oberärmel|AERMEL|manche|manga|manica|mouw|rękaw|рукав|kol|hiha|xiuzi|袖子",
+    "collar": "Kragen|Halsbündchen|pied de col|cuello|colletto|kołnierz|воротник|yaka|lingzi|领",
+    "cuff": "Manschette|poignet|puño|polsino|манжета|袖口|SLEEVE CUFF",
+    "waistband": "Hosenbund|ceinture|pretina|cinturino|пояс|yaotou|腰头",
+    "hood": "Kapuze|capuche|capucha|cappuccio|капюшон|maozi|帽|フード",
+    "leg_front": "Vorderhose|pantalon devant|delantero pantalon|davanti pantalone|qian ku|前裤片",
+    "leg_back": "Hinterhose|pantalon dos|trasero pantalon|dietro pantalone|hou ku|后裤片",
+    "none": "Tasche|Beleg vorn|poche|parementure devant|bolsillo|vista delantero|fodera|карман|口袋|BACK FACING",
+    "": "ORIGINAL PATTERN|SHOULDER PAD|STRAP|PIECE 3|1204|ELASTIC",
+}  # fmt: skip
+LANGUAGES = {
+    "de": ("Vorderteil", "Rückenteil", "Ärmel", "Halsbündchen"),
+    "es": ("DELANTERO", "ESPALDA", "MANGA", "CUELLO"),
+    "zh": ("前片", "后片", "袖子", "领"),
+}
+
+
+@pytest.mark.parametrize("kind", NAMES)
+def test_names_are_told_in_the_languages_of_pattern_rooms(kind: str) -> None:
+    names = NAMES[kind].split("|")
+    told = {name: named(each).kind for name in names for each in (name, name.upper(), name.lower())}
+    assert told == dict.fromkeys(names, kind)
+
+
+def test_names_in_an_encoding_that_is_not_stated() -> None:
+    spoiled = [name.encode("gbk").decode("cp1252") for name in LANGUAGES["zh"][:3]]
+    assert [named(name).kind for name in spoiled] == ["front", "back", "sleeve"]
+    assert repaired("рукав".encode().decode("cp1252", "surrogateescape")) == "рукав"
+    assert repaired("Rückenteil") == "Rückenteil"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_tshirt_in_any_language_is_sewn_alike(language: str, tmp_path: Path) -> None:
+    pieces = [replace(piece, name=name) for piece, name in zip(tshirt(), LANGUAGES[language], strict=True)]
+    path = write(tmp_path / "plain.dxf", {"M": pieces}, Style(entity="LWPOLYLINE"))
+    assert kinds(read_drafted(path)) == TRUE_SEAMS["tshirt"]
+
+
+@pytest.mark.parametrize("garment", PANELLED)
+def test_seams_of_panels_are_found_and_no_others(garment: str, tmp_path: Path) -> None:
+    for size, grade in GRADES.items():
+        draft = read_drafted(write(tmp_path / "panels.dxf", {size: PANELLED[garment](grade)}))
+        assert kinds(draft) == TRUE_PANELLED_SEAMS[garment]
+        assert min(joint.confidence for joint in draft.joints) >= 0.95
+        assert not draft.unsewn
+
+
+@pytest.mark.parametrize("garment", PANELLED)
+def test_panelled_tops_have_their_four_openings(garment: str, tmp_path: Path) -> None:
+    path = write(tmp_path / "panels.dxf", {"M": PANELLED[garment](0.0)})
+    assert boundary_loops(path, DraftOptions()) == 4
+
+
+def test_of_two_seams_that_fit_alike_none_is_sewn(tmp_path: Path) -> None:
+    front, back, sleeve, neck = tshirt()
+    path = write(tmp_path / "twin.dxf", {"M": [front, replace(front, name="FRONT VERSION B"), back, sleeve, neck]})
+    draft = read_drafted(path)
+    doubted = {joint.reason.split(",")[0] for joint in draft.unsewn if "another seam fits as well" in joint.reason}
+    assert {"shoulder", "side", "sleeve cap"} <= doubted
+    assert all(joint.confidence < SEWN_FROM for joint in draft.unsewn)
+    assert kinds(draft)["shoulder"] == kinds(draft)["side"] == 0
+    chosen = read_drafted(path, DraftOptions(pieces={"FRONT VERSION B": Stated("none")}))
+    assert kinds(chosen) == TRUE_SEAMS["tshirt"]

@@ -1,0 +1,85 @@
+"""Edges of panels that are parts of a front, back or sleeve: princess seams, and under sleeves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from warp_cloth.pattern.chain import Chain
+from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.roles import BENT, Roles, Shape, arm_side, ends_of, sleeve_roles
+
+SHARP = 0.5 * BENT  # turn at which one seam ends and another begins
+TO_NOTCH = 0.06  # of the top of an under sleeve, from its lowest point to the notch at the side seam
+
+
+def side_panel_roles(shape: Shape) -> Roles:
+    """hem, princess; side, armhole and shoulder at "+" or "-".
+
+    The highest corner ends the princess seam, whether it comes from the armhole or from the shoulder. That seam has no
+    corner; on the other side the armhole begins at one.
+    """
+    (hem_first, hem_end), _ = ends_of(shape)
+    starts = [float(shape.turned[k].start[1]) for k in shape.order]
+    tip = int(np.argmax(starts))
+    right, left = shape.run(hem_end, tip), shape.run(tip, hem_first)
+    roles: Roles = {"hem": shape.run(hem_first, hem_end)}
+    if not right or not left:
+        return roles
+    corners = [float(len(_smooth_runs(shape, path))) for path in (right, left)]
+    if corners[0] == corners[1]:
+        corners = [-shape.length(path) for path in (right, left)]
+    if corners[0] < corners[1]:
+        return roles | {"princess": right} | _outer_side(shape, left, "-")
+    return roles | {"princess": left} | _outer_side(shape, right, "+")
+
+
+def _outer_side(shape: Shape, path: tuple[int, ...], mark: str) -> Roles:
+    """Side, armhole and shoulder of a side panel; no shoulder where the princess seam comes from the armhole."""
+    runs = _smooth_runs(shape, path)
+    top = runs[-1] if mark == "+" else runs[0]
+    if len(runs) < 2 or not any(shape.is_concave(k) for k in top):
+        return arm_side(shape, path if mark == "+" else path[::-1], mark)
+    return {f"side{mark}": tuple(k for k in path if k not in top), f"armhole{mark}": top}
+
+
+def middle_side(shape: Shape, up: Sequence[int], mark: str) -> Roles:
+    """princess, armhole and shoulder of a middle panel's edges from the hem up to the neck; runs as the loop runs."""
+    along = tuple(up) if mark == "+" else tuple(up)[::-1]
+    runs = _smooth_runs(shape, along)
+    runs = runs if mark == "+" else runs[::-1]
+    names = ("princess", "shoulder") if len(runs) == 2 else ("princess", "armhole", "shoulder")
+    return {f"{name}{mark}": run for name, run in zip(names, runs, strict=False)} if len(runs) in (2, 3) else {}
+
+
+def _smooth_runs(shape: Shape, path: Sequence[int]) -> list[tuple[int, ...]]:
+    """A path along the loop parted at its sharp corners."""
+    runs: list[tuple[int, ...]] = []
+    for place, k in enumerate(path):
+        if place and abs(shape.turn_after(path[place - 1])) <= SHARP:
+            runs[-1] = (*runs[-1], k)
+        else:
+            runs.append((k,))
+    return runs
+
+
+def parted_at_underarm(edges: tuple[Chain, ...], up: Floats, notches: Floats) -> tuple[Chain, ...]:
+    """An under sleeve whose top ends where the side seam meets it: at its lowest point, or the notch near that."""
+    shape = Shape(edges, up)
+    top = sleeve_roles(shape).get("cap", ())
+    if not top:
+        return edges
+    shares = np.linspace(0.0, 1.0, 257)
+    lowest = min(top, key=lambda k: float(shape.turned[k].at(shares)[:, 1].min()))
+    edge = edges[lowest]
+    at = float(shares[int(shape.turned[lowest].at(shares)[:, 1].argmin())])
+    for notch in notches:
+        apart = np.hypot(*(edge.at(shares) - notch).T)
+        near = float(shares[int(apart.argmin())])
+        if apart.min() < 3e-3 and abs(near - at) < TO_NOTCH:
+            at = near
+            break
+    if not 0.05 < at < 0.95:
+        return edges
+    return (*edges[:lowest], edge.part(0.0, at), edge.part(at, 1.0), *edges[lowest + 1 :])

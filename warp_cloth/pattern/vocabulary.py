@@ -1,0 +1,112 @@
+"""Words for pieces in the languages of pattern rooms, by kind: what ``kinds.py`` looks for in names.
+
+Names come here in lower case without accents ("Rückenteil" as "ruckenteil"), so words are written so. Short words stand
+alone (``\\b``), long ones also within a compound: "aermel" in "Oberaermel". Programs that do not know Unicode write
+umlauts as two letters.
+"""
+
+from __future__ import annotations
+
+# The more telling kinds first: a "sleeve cuff" is a cuff.
+WORDS = (
+    (
+        "none",
+        r"facing|interlin|interfac|fusing|fusible|lining|label|pocket|flap|welt|belt\b|loop|plac?ket"
+        r"|placard|\bfly\b|\btasche|tasche\b|taschen|beleg|futter|einlage|etikett|schlaufe|\bpatten?\b"
+        r"|leiste|schlitz|\bzak\b|zakken|voering|\bpoche|parement|doublure|enforme|entoilage|rabat|passant"
+        r"|biais|\bpattes?\b|bolsi?l?lo|\bbolso|\bvista\b|forro|entretela|tapeta|trabilla|bragueta|carcela"
+        r"|\bvies\b|solapa de bols|tasca|fodera|\bpassante|paramontura|ripiego|\bpatta\b|taschino|sbieco"
+        r"|kiesze|podszew|obloz|kapsa|podsivk|karman|podklad|\bобтачк|карман|подклад|клапан|шлевк|\bcep\b"
+        r"|cebi|astar|\bpervaz|\blomme|\bficka|\btasku|vuori|kou ?dai|dou ?bu|li ?bu|gua ?mian|口袋|袋布"
+        r"|袋盖|里布|里料|贴边|挂面|衬|门襟|ポケット|見返し|裏地|주머니|안감",
+    ),
+    (
+        "hem_band",
+        r"(hem|bottom)[ _-]*(band|rib)|rib[ _-]*(hem|bottom)|saumb(ue|u)ndchen|b(ue|u)ndchen (saum|unten)"
+        r"|saumbund|bord[ _-]*cote[ _-]*(bas|ourlet)|(bajo|cintura|dobladillo) (de )?(canale|rib)"
+        r"|fondo costina|xia ?bai|下摆|下脚罗纹|裾リブ",
+    ),
+    (
+        "cuff",
+        r"cuff|\bb(ue|u)ndchen\b|a(e|)rmelb(ue|u)ndchen|manschette|manchet|boord\b|poignet|\bpun(h)?o"
+        r"|polsino|\bpolso|mankiet|manzet|манжет|\bmanset|linning|\bmudd\b|kalvosin|xiu ?kou|\bke ?fu|袖口"
+        r"|克夫|袖头|袖克|カフス|커프스|소매단",
+    ),
+    (
+        "hood",
+        r"\bhood|hood\b|kapuze|capuch|cappuccio|capuz|kaptur|kapuc|kapyuson|kapuson|kapisjong|hette"
+        r"|hatta\b|huppu|капюшон|\bmao ?(zi|pian)?\b|\bmaozi|帽|フード|후드",
+    ),
+    (
+        "waistband",
+        r"waist[ _-]*(band|rib)|\bwb\b|hosenbund|rockbund|\bbund\b|formbund|tailleband|ceinture|cintur"
+        r"|pretina|\bcos\b|pasek|pas do spodni|pasove|пояс|\bpoyas|\bkemer|linning(en)? i livet"
+        r"|midjelinning|vyotaro|yao ?tou|腰头|腰頭|腰带|ベルト|허리",
+    ),
+    (
+        "collar",
+        r"collar|neck[ _-]*(band|rib|bind|line)|rib[ _-]*neck|kragen|\bsteg\b|halsb(ue|u)ndchen|halsb"
+        r"|kraag|\bcol\b|pied de col|encolure|bord[ _-]*cote|cuello|\bgola|collarin|colletto|\bcollo\b"
+        r"|listino|kolnierz|limec|vorotnik|воротник|стойка|\byaka\b|\bkrage|\bkrave|kaulus"
+        r"|\b(shang|xia|ni|fan)? ?ling(zi|pian|wei|mian|di)?\b|领|領|\beri\b|衿|칼라|카라",
+    ),
+    (
+        "yoke",
+        r"yoke|passe\b|\bsattel|schulterpasse|empiecement|canesu|\bpala\b|sprone|carre\b|karczek|sedlo"
+        r"|koketk|кокетк|\broba\b|\bbesparing|kaarroke|yu ?ke|guo ?jian|育克|过肩|過肩|ヨーク|요크",
+    ),
+    (
+        "gusset",
+        r"gusset|godet|zwickel|soufflet|tassello|\bnesga|fuelle|klin\b|ластовиц|裆布|マチ",
+    ),
+    (
+        "sleeve",
+        r"sleeve|\bslv|(a|ae)rmel|mouw|manche|manga|manica|rekaw|rukav|рукав|\bkol\b|\bkolu\b|\barm\b"
+        r"|\baerme|\bhiha|\bxiu|(da|xiao|qian|hou) ?xiu|\btay\b|袖|スリーブ|소매|\bsode",
+    ),
+    (
+        "leg",
+        r"\bleg|pants?\b|trouser|jean|hosen?\b|hosen|\bhose|shorts?\b|legging|pantal|broek|jambe|pernera"
+        r"|gamba|calca\b|calcas|nogawk|\bspodnie?\b|kalhot|nohavic|bryuk|brjuk|брюк|полов\w* брюк|pantolon"
+        r"|\bpaca\b|byxor|buks|housut|lahje|\bku(zi|pian)?\b|(qian|hou) ?ku|\bchang ?ku|裤|褲|パンツ|바지",
+    ),
+    (
+        "skirt",
+        r"skirt|rock\b|\brock|\brok\b|jupe|falda|\bsaia|gonna|spodnic|sukne|yubk|юбк|\betek|kjol|nederdel"
+        r"|hame\b|qun|裙|スカート|치마",
+    ),
+    (
+        "front",
+        r"front|\bfrt?\b|\bf\b|vord|\bvorn|\bvt\b|voorpand|\bvoor|devant|\bavant|delanter|\bfrente|davanti"
+        r"|\bdavant|przod|predni|\bpered|полочк|перед|\bpolochk|\bon (beden|parca|govde|pantolon|etek|ust)"
+        r"|framsty|framst|\bfram\b|forstyk|etukap|\betu|\bqian|前|\bmae|앞|than truoc",
+    ),
+    (
+        "back",
+        r"back|\bbk\b|\bb\b|r(u|ue)ck|\brt\b|\bdos\b|espald|traser|\bcostas\b|dietro|\bretro|hint(er|en)"
+        r"|\bht\b|rear|arriere|achter|\btyl|zadni|spink|спинк|зад|\bzad|\barka|baksty|bakst|\bbak\b|bagstyk"
+        r"|takakap|\btaka|\bhou(?!se|r)|后|後|\bushiro|뒤|than sau",
+    ),
+)
+INNER_CLOTH = (
+    r"lining|fus(e|ing|ible)|interlin|interfac|futter|einlage|doublure|thermocoll|entretela|forro"
+    r"|fodera|adesiv|podszew|подклад|дублер|astar|里布|里料|衬"
+)
+# Pieces beside the middle ones of a front or back, and under sleeves of sleeves of two pieces
+BESIDE = (
+    r"\bside|princess|seitenteil|seitl|\bseite|zijpand|\bzij|cote\b|\bflanc|costad|lateral|fianc"
+    r"|fianchetto|boczek|\bbok\b|bocni|бочок|боков|\byan\b|\bsid|sivukap|\bce ?(pian|qian|hou)?\b|侧|側"
+    r"|脇|옆"
+)
+UNDER = (
+    r"under|\bbottom\b|unter|\bonder|dessous|de abajo|menor|\bsotto|inferior|spodni|нижн|\balt\b"
+    r"|\balis|\bxiao ?xiu|小袖|内袖|內袖|下袖|안"
+)
+LEFT_WORDS = (
+    r"\bleft|\blh\b|\bl\b|\blinke?[rs]?\b|\bgauche|izquierd|\bizq\b|esquerd|sinistr|\bsx\b"
+    r"|\blew[aey]\b|\blev[aey]\b|лев|\bsol\b|\bvanst|\bvenst|\bvasen|\bzuo|左|왼"
+)
+RIGHT_WORDS = (
+    r"\bright|\brh\b|\br\b|rechte?[rs]?\b|rechts|\bdroite?\b|derech|direit|destr|\bdx\b|\bpraw[aey]\b"
+    r"|\bprav[aey]\b|прав|\bsag\b|\bhoger|\bhojre|\boikea|\byou ?(qian|hou|xiu)|右|오른"
+)
