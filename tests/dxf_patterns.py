@@ -223,7 +223,7 @@ GARMENTS: dict[str, Callable[[float], list[Drafted]]] = {
     "leggings": leggings,
     "raglan": raglan,
 }
-# Each true seam by kind and number: what a proposal must find, and may find nothing beside
+# Each true seam by kind and number: what a proposal must find, and nothing else
 TRUE_SEAMS = {
     "tshirt": {"shoulder": 2, "side": 2, "sleeve cap": 2, "underarm": 2, "collar": 1, "collar ends": 1},
     "trousers": {"outseam": 2, "inseam": 2, "front crotch": 1, "back crotch": 1, "waistband": 1, "waistband ends": 1},

@@ -8,8 +8,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-Params = frozenset[int]
-
 # Functions in C++ whose Python body does not show that they write their first argument. Left out are those that write a
 # block's own memory, which is no result.
 NATIVE_WRITERS = {

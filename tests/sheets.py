@@ -20,7 +20,7 @@ from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.solver.relax import Relaxation
 
-THICKNESS = 2e-3  # [m]; thick beside the meshes' 20 mm edges, so that small sheets touch in many places
+THICKNESS = 2e-3  # [m]; thick for the meshes' 20 mm edges, so that small sheets touch in many places
 FABRIC = Fabric(thickness=THICKNESS, friction=0.4)
 
 

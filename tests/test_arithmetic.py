@@ -1,4 +1,4 @@
-"""The vocabulary of the laws: a function computes what is stated beside it, a packet has the bits of its lanes."""
+"""The vocabulary of the laws: a function computes what is stated with it, a packet has the bits of its lanes."""
 
 import re
 from collections.abc import Callable
@@ -176,7 +176,7 @@ def test_every_overload_of_the_vocabulary_has_a_reference() -> None:
 
 
 def test_operators_enter_every_hash() -> None:
-    """Warp's hash follows calls, not operators: so what the laws call beside them carries the operators' digest."""
+    """Warp's hash follows calls, not operators: so what the laws call besides carries the operators' digest."""
     assert source_digest(add, sub, mul, div) == OPERATORS
     for name, (function, _) in REFERENCES.items():
         if function.__module__.endswith("math.packet"):

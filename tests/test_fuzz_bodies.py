@@ -182,7 +182,7 @@ def damaged(mesh: Mesh, kind: str, amount: float, rng: np.random.Generator) -> M
     return Mesh(mesh.name, points, triangles.astype(np.int32))
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     whole=st.sampled_from((doll, body)),
     damages=st.lists(st.tuples(st.sampled_from(DAMAGES), st.floats(0.0, 1.0)), min_size=1, max_size=3),

@@ -88,7 +88,7 @@ def test_falling_cloth_is_caught_by_implicit_steps_with_the_same_bits_in_the_ord
         for _ in range(20):
             points = iterate(relaxation, 20)
             assert not len(find_crossings(points, cloth_contact.sheets, "cpu").pairs)
-        assert cloth_contact.steps_far
+        assert cloth_contact.implicit_steps
         shapes.append(points)
     assert shapes[0][36:, 1].min() < -0.01  # its border hangs over
     assert np.array_equal(*shapes)
@@ -100,5 +100,5 @@ def test_steps_are_implicit_once_nothing_crosses_and_end_where_it_is_another_one
     schedule = ContactSchedule(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
     goal = Goal(Tolerance(0.0, 0.0, 0.0), 500, turn_after=turn_after)
     (outcome,) = relax_items(relaxation, Certifier(relaxation), [goal], schedule=schedule)
-    assert cloth_contact.steps_far
+    assert cloth_contact.implicit_steps
     assert (outcome.iterations, outcome.cut_short) == ((200, CutShort.SLOW) if turn_after else (500, None))

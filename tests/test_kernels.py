@@ -177,7 +177,7 @@ def spread(precision: str, *options: Any) -> Iterator[tuple[Any, ...]]:
 
 
 def turned(precision: str, choices: Sequence[Any]) -> list[Any]:
-    """The choices, begun with another one in every precision, so that each meets what others stand beside."""
+    """The choices, begun with another one in every precision, so that each meets what the others hold."""
     first = PRECISIONS.index(precision)
     return [*choices[first:], *choices[:first]]
 

@@ -20,7 +20,7 @@ TRIANGLES = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [3, 4, 7], [3,
 
 
 def whole(folder: Path, kind: str) -> bytes:
-    """A small grid in the format; what stands beside it is written into the folder."""
+    """A small grid in the format; its other files are written into the folder."""
     grid = trimesh.Trimesh(POINTS, TRIANGLES, process=False)
     if kind.startswith("usd"):
         path = folder / f"whole.{kind}"

@@ -169,6 +169,7 @@ def test_what_is_balanced_above_the_avatar_is_not_held_by_it(push: float, gap: f
 
 def test_cloth_at_rest_on_a_ball_stays_there() -> None:
     overrides = ["garment.shape.vertices_per_side=17", "solver.method=multilevel", "garment.fabric={stretch = 20000}"]
+    overrides += ["collision.pixel_mm=10"]
     made = load_problem(load_scene("sphere", overrides), "cpu")
     outcome = relax_to_rest(made.relaxation, made.certifier, Goal(Tolerance(), LIMIT), follow=collider_updates(made))
     assert outcome.status is Status.AT_REST
@@ -179,7 +180,12 @@ def test_cloth_at_rest_on_a_ball_stays_there() -> None:
 
 
 def test_on_a_ball_scattered_and_gathered_forces_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    changes = ["garment.shape.vertices_per_side=21", "solver.method=multilevel", "solver.iterations=900"]
+    changes = [
+        "collision.pixel_mm=10",
+        "garment.shape.vertices_per_side=21",
+        "solver.method=multilevel",
+        "solver.iterations=900",
+    ]
     shapes = []
     for gathers in (False, True):
         monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=gathers))

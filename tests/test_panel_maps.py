@@ -1,4 +1,4 @@
-"""Maps on flat panels: the panels as cut, in metres, beside the worn garment; pictures of maps on them."""
+"""Maps on flat panels: the panels as cut, in metres, and the worn garment; pictures of maps on them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cloth contact of eight vertices at a time, for the CPU's iterations: what a move takes of it, and what it notes."""
+"""Cloth contact of eight vertices at a time, for the CPU's iterations: what a move reads of it, and what it records."""
 
 import functools
 from types import SimpleNamespace
@@ -28,10 +28,10 @@ def packet_contact_functions(precision: str) -> SimpleNamespace:
     def take_contact(
         state: State, contact: ContactData, order: wp.array(dtype=wp.int32), first: int, lanes: int, free: int
     ):
-        """Contact's loads, limits of displacements, shifts, and distances from the last search, of eight vertices.
+        """Contact's loads, step limits and shifts, and distances moved since the last search, of eight vertices.
 
-        Those of ``lanes`` only; sums are reset of those that are ``free``, too. ``order``: the number that contact has
-        for each vertex; empty: the same.
+        Distances are those of ``lanes``; the rest that of ``free`` ones among these, whose sums are reset. ``order``:
+        the number that contact has for each vertex; empty: the same.
         """
         loads = packets.vec4()
         limits = packets.real()

@@ -41,15 +41,16 @@ def coupled(system: Any, x: Any, vertex: int):
 @functools.cache
 def subtract_initial_guess_kernel(precision: str, cloth_contact: bool) -> wp.Kernel:
     real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
-    types, PressingState = system_types(precision), pressing_argument(precision, cloth_contact)
+    types = system_types(precision)
     LinearSystem, SolutionState = types.LinearSystem, types.SolutionState
+    PressingState = pressing_argument(precision, cloth_contact)
     take_product = pressing_functions(precision).take_product
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def subtract_initial_guess(
         system: LinearSystem,
         stiffness_fraction: real,  # of the pairs' part of A; what is left out swings on, whatever the solution
-        pressing: PressingState,  # of contact_pairs, which have been multiplied
+        pressing: PressingState,  # with the products of contact_pairs.multiply_pairs
         solution: SolutionState,
     ):
         """r <- r - A x of the displacement that the solution starts from, and p <- 0."""
@@ -129,16 +130,14 @@ def update_direction_kernel(precision: str) -> wp.Kernel:
 def multiply_direction_kernel(precision: str, cloth_contact: bool) -> wp.Kernel:
     vec3, types = cloth_types(precision).vec3, system_types(precision)
     LinearSystem, SolutionState = types.LinearSystem, types.SolutionState
-    PressingState, take_product = (
-        pressing_argument(precision, cloth_contact),
-        pressing_functions(precision).take_product,
-    )
+    PressingState = pressing_argument(precision, cloth_contact)
+    take_product = pressing_functions(precision).take_product
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def multiply_direction(
         system: LinearSystem,
         chunks: Chunks,
-        pressing: PressingState,  # of contact_pairs, which have been multiplied
+        pressing: PressingState,  # with the products of contact_pairs.multiply_pairs
         solution: SolutionState,
         curvature_out: wp.array(dtype=wp.float64),  # p . A p of each chunk [J]
     ):

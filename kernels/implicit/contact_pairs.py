@@ -38,9 +38,8 @@ from warp_cloth.kernels.patches.packing import order_functions
 FRACTION_UNIT = wp.constant(2.0**-24)  # of ``PressingState.fraction``
 WHOLE = wp.constant(wp.int32(2**24))
 LEAST_FRACTION = wp.constant(wp.int32(2**20))
-# Two pieces of cloth may come nearer in a step by MOST_CLOSING of their distance, but where they do not press yet not
-# to less than NEAREST of their thickness, and where they press by no more than that fraction of their distance: force
-# and stiffness grow without bound.
+# How much nearer a pair may come in a step: to NEAREST of its thickness, but by no less than NEAREST and no more than
+# MOST_CLOSING of its distance. Force and stiffness grow without bound as the distance vanishes.
 MOST_CLOSING, NEAREST = wp.constant(0.9), wp.constant(0.5)
 
 
@@ -59,8 +58,8 @@ def pressing_type(precision: str) -> type:
         stiffness: wp.array(dtype=types.vec6)  # S [N/m], shape [P]
         block: wp.array2d(dtype=wp.int64)  # of each vertex, the sum of w_i^2 S [STIFFNESS_UNIT], shape [V, 6]
         distance: wp.array(dtype=types.real)  # of each listed pair [m], shape [P]
-        fraction: wp.array(dtype=wp.int32)  # of a step that is gone [FRACTION_UNIT], shape [1]
-        product: wp.array2d(dtype=wp.int64)  # of each vertex' row times displacements [FORCE_UNIT], shape [V, 3]; zero
+        fraction: wp.array(dtype=wp.int32)  # of all displacements that is taken [FRACTION_UNIT], shape [1]
+        product: wp.array2d(dtype=wp.int64)  # of each vertex's row times displacements [FORCE_UNIT], shape [V, 3]; zero
 
     return PressingState
 
@@ -95,7 +94,7 @@ def add_block_function(precision: str) -> wp.Function:
 
     @wp.func
     def add_block(block_out: wp.array2d(dtype=wp.int64), vertex: int, block: vec6):
-        """Adds a stiffness [N/m] to a vertex' block."""
+        """Adds a stiffness [N/m] to a vertex's block."""
         for entry in range(6):
             wp.atomic_add(block_out, vertex, entry, wp.int64(wp.float64(block[entry]) / STIFFNESS_UNIT))
 
@@ -201,9 +200,10 @@ def limit_by_pairs_kernel(precision: str) -> wp.Kernel:
         order: wp.array(dtype=wp.int32),  # as in linearise_pairs
         pressing: PressingState,
     ):
-        """Lowers the fraction of the step that is gone to what brings no pair too near, by how its corners move.
+        """Lowers the fraction of the displacements that is taken, so that no pair comes too near.
 
-        And to what takes no vertex beyond where cloth near it is known: a thread is of a pair and of a vertex.
+        Nor does a vertex move farther than its step limit, within which all cloth near it is listed. A thread is of a
+        pair and of a vertex.
         """
         thread = wp.tid()
         if thread < contact.trigger.position.shape[0]:
@@ -238,7 +238,7 @@ def multiply_pairs_kernel(precision: str) -> wp.Kernel:
         x: wp.array(dtype=vec3),  # displacements [m], shape [V]
         pressing: PressingState,
     ):
-        """Adds what pairs resist displacements with: w_i S sum_j w_j x_j to the product of each vertex i."""
+        """Multiplies displacements with the pairs' stiffness: adds w_i S sum_j w_j x_j to each vertex i's product."""
         pair = wp.tid()
         if pair >= pressing.count[0]:
             return
@@ -257,7 +257,7 @@ def multiply_pairs_kernel(precision: str) -> wp.Kernel:
 
 @wp.func
 def take_entry(sums: wp.array2d(dtype=wp.int64), vertex: int, entry: int, unit: wp.float64) -> wp.float64:
-    """An entry of a vertex' sums, of integers in this unit; resets it."""
+    """An entry of a vertex's sums, of integers in this unit; resets it."""
     value = wp.float64(sums[vertex, entry]) * unit
     sums[vertex, entry] = wp.int64(0)
     return value
@@ -271,7 +271,7 @@ def pressing_functions(precision: str) -> SimpleNamespace:
 
     @wp.func
     def take_product(pressing: PressingState, vertex: int):
-        """A vertex' sum of ``multiply_pairs`` [N]; resets it."""
+        """A vertex's sum of ``multiply_pairs`` [N]; resets it."""
         result = vec3()
         for axis in range(3):
             result[axis] = real(take_entry(pressing.product, vertex, axis, FORCE_UNIT))
@@ -279,7 +279,7 @@ def pressing_functions(precision: str) -> SimpleNamespace:
 
     @wp.func
     def take_block(pressing: PressingState, vertex: int):
-        """A vertex' own block [N/m]; resets it."""
+        """A vertex's own block [N/m]; resets it."""
         result = vec6()
         for entry in range(6):
             result[entry] = real(take_entry(pressing.block, vertex, entry, STIFFNESS_UNIT))

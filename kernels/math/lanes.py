@@ -16,7 +16,7 @@ PACKET = "typedef %(real)s Packet __attribute__((ext_vector_type(8)));"
 
 
 def reference(function: wp.Function, computes: Callable) -> None:
-    """States beside a function's C++ what all its overloads compute, of NumPy arrays.
+    """States next to a function's C++ what all its overloads compute, of NumPy arrays.
 
     Of vectors the first axis are the components; a packet has another axis, its lanes.
     """

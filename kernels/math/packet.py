@@ -37,7 +37,7 @@ _CROSS = "u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[
 
 
 def _tagged(code: str) -> str:
-    """C++ whose hash holds the operators that are used beside it."""
+    """C++ whose hash holds the operators that are used with it."""
     return f"{code} // operators {OPERATORS}\n"
 
 

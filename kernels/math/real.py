@@ -5,7 +5,7 @@ approximation and two corrections would lose digits. Here what is smaller than a
 without that branch many vertices' square roots are under way at a time.
 
 A product that is added is fused (rounded once) only where that is written out here: both devices have an instruction.
-What runs is the C++; beside it stands what it computes in Python, for tests/test_arithmetic.py.
+What runs is the C++; after it stands what it computes, in Python, for tests/test_arithmetic.py.
 """
 
 import ctypes

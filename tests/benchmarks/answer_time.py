@@ -3,7 +3,7 @@
     python tests/benchmarks/answer_time.py --scene tshirt --device cpu --runs 5
     python tests/benchmarks/answer_time.py --only command_warm,fitter
 
-Wall time of the whole process, and report.json's "seconds" beside it; ``told`` is the share of the wall time that they
+Wall time of the whole process, and report.json's "seconds"; ``told`` is the share of the wall time that they
 add up to. Cold: no compiled kernels, no bytecode and an empty cache; one run, of the command alone, also to its first
 word. ``--against`` names another checkout, whose command runs in turn with this one's. The fitter answers on one core,
 in turn with a plain fit of the same scene in the same process, which must give the same bits. Medians.

@@ -1,4 +1,4 @@
-"""Depth buffers beside the exact collider: jumps, residuals, a table of pixels, and what an iteration costs.
+"""Depth buffers and the exact collider: jumps, residuals, a table of pixels, and what an iteration costs.
 
     python tests/benchmarks/collision.py jumps|residual|table|cost --device cuda:0 --out collision.json --processes 8
 

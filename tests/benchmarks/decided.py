@@ -1,4 +1,4 @@
-"""What the program decides beside what is best set by hand: seconds of relaxing, over the best setting that ends right.
+"""What the program decides, and what is best set by hand: seconds of relaxing, over the best setting that ends right.
 
     python tests/benchmarks/decided.py --device cuda:0
     python tests/benchmarks/decided.py --designs designs --data ../shared/data --every 4 --device cuda:0

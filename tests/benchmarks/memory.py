@@ -1,4 +1,4 @@
-"""Memory of a scene on a GPU, beside what ``warp-cloth plan`` states: while it is built, relaxed and reported.
+"""Memory of a scene on a GPU, and what ``warp-cloth plan`` states: while it is built, relaxed and reported.
 
     python tests/benchmarks/memory.py hanging --set garment.shape.vertices_per_side=2048 --iterations 2400
 

@@ -43,7 +43,6 @@ RADII = [round(0.19 + 0.01 * number, 2) for number in range(12)]  # of the cheap
 SIZES = ("S", "M", "L")
 AT_ONCE, BAD, KILLS = 100, 1000, 20
 CLIENTS = 8
-BAD_LINES = (b"", b"v nan 0 0", b"v 1e300 0 0", b"f 1 1 1", b"f 9999999 1 2", b"f", b"\xff", b"v 0")
 PERIODS = 10  # of the memory's course
 
 

@@ -1,4 +1,4 @@
-"""Traffic and time of each kernel on an NVIDIA GPU: compulsory bytes and seconds of a plan, beside what ncu measures.
+"""Traffic and time of each kernel on an NVIDIA GPU: compulsory bytes and seconds of a plan, and what ncu measures.
 
     python tests/benchmarks/traffic.py --data ../shared/data --out traffic --scene layers4k --scene ball
 
@@ -236,7 +236,7 @@ def row_of(kernel: dict[str, Any], sums: dict[str, float]) -> Row:
 
 
 def compared(name: str, plan: dict[str, Any], found: dict[str, dict[str, float]]) -> dict[str, float]:
-    """Prints compulsory bytes beside measured traffic; returns those of an iteration, and how time fractions differ."""
+    """Prints compulsory bytes and measured traffic; returns those of an iteration, and how time fractions differ."""
     rows = [row_of(kernel, found[kernel["name"]]) for kernel in plan["kernels"] if kernel["name"] in found]
     missing = [kernel["name"] for kernel in plan["kernels"] if kernel["name"] not in found]
     unplanned = sorted(found.keys() - {row.name for row in rows})

@@ -34,7 +34,7 @@ RELAX = 2  # the step that relaxes
 
 WIDE = 100  # letters of a terminal, from which the bar is wide
 WIDE_BAR, NARROW_BAR = 24, 10
-NAME, ELAPSED = 15, 9  # letters of step and stage, and of the time, with the gaps beside them
+NAME, ELAPSED = 15, 9  # letters of step and stage, and of the time, with the gaps next to them
 FIRST_RUN = ("the first fit on a machine takes half a minute", "first run: half a minute")
 HINT_SECONDS = 1.0  # after which kernels are being compiled: those of an earlier run are loaded by then
 

@@ -125,9 +125,9 @@ def _known(name: str | None) -> Fabric:
 
 def _check(test: DrapeTest, out: Path) -> None:
     if test.photographs and test.coefficient is not None:
-        raise InputError("--drape-coefficient", "is given beside photographs", "give one of them")
+        raise InputError("--drape-coefficient", "is given with photographs", "give one of them")
     if test.folds is not None and test.photographs:
-        raise InputError("--folds", "is given beside photographs, which show them", "remove it")
+        raise InputError("--folds", "is given with photographs, which show them", "remove it")
     if test.weight_gsm is None:
         raise InputError("--weight-gsm", "is missing: a drape tells bending over weight", "weigh the disc")
     if len(test.photographs) > MOST_PHOTOGRAPHS:

@@ -42,7 +42,7 @@ LEAST_SKIN = 0.3
 # of it and the thickness; smaller once forces have balanced, when moves are short.
 ACTIVE_MARGIN = 0.06
 ACTIVE_MARGIN_SETTLED = 0.005
-ACTIVE_MARGIN_FAR = 1.0  # of implicit steps
+ACTIVE_MARGIN_IMPLICIT = 1.0  # of implicit steps, which are long: every listed pair is active
 PAIRS_PER_VERTEX = 3  # initial capacity; a T-shirt on a body needs less once it is sewn
 # Iterations between two checks whether a search is due. While cloth is untangled there is a search at every check:
 # crossings change with every step, but not by much in four; with ten some tangles never come undone.
@@ -89,7 +89,7 @@ class ClothContact:
         self.awake = False
         self.few_pairs = True  # whether a block on each core checks all pairs at once, by the last count
         self.settled = False  # whether forces have balanced
-        self.steps_far = False  # whether iterations are implicit steps, which are long and few
+        self.implicit_steps = False  # whether iterations are implicit steps, which are long and few
         self.untangles = True  # whether searches also find and undo crossings
         self.layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
         # read-back: the count of open seams or of pairs, then those of crossings
@@ -120,7 +120,7 @@ class ClothContact:
         """Iterations between two checks whether a search is due."""
         if self.untangles:
             return CHECK_INTERVAL_UNTANGLING
-        if self.steps_far:
+        if self.implicit_steps:
             return 1
         return CHECK_INTERVAL_SETTLED if self.settled else CHECK_INTERVAL
 
@@ -144,8 +144,8 @@ class ClothContact:
     def _set_active_margin(self) -> None:
         model = self.data.model
         fraction = ACTIVE_MARGIN_SETTLED if self.settled else ACTIVE_MARGIN
-        if self.steps_far:
-            fraction = ACTIVE_MARGIN_FAR
+        if self.implicit_steps:
+            fraction = ACTIVE_MARGIN_IMPLICIT
         model.active_margin = fraction * self._skin
         model.active_distance = model.active_margin + float(self._thickness.min())
         self._set_trigger()
@@ -154,7 +154,7 @@ class ClothContact:
         model = self.data.model
         model.check_interval = CHECK_INTERVAL_SETTLED if self.settled else CHECK_INTERVAL
         model.longest_wait = LONGEST_WAIT_SETTLED if self.settled else LONGEST_WAIT
-        if self.steps_far:
+        if self.implicit_steps:
             model.check_interval = model.longest_wait = 1
         model.request_limit = int(REQUEST_LIMIT * model.check_interval * self.sheets.vertex_count)
 
@@ -163,14 +163,14 @@ class ClothContact:
         if not self.awake or self.settled == balanced:
             return False
         self.settled = balanced
-        if self.steps_far:
+        if self.implicit_steps:
             return False
         self._renew_active_margin()
         return True
 
-    def step_far(self, far: bool) -> None:
-        """Tells whether implicit steps follow: with every listed pair active, and searches as soon as one is due."""
-        self.steps_far = far
+    def expect_implicit_steps(self, implicit: bool) -> None:
+        """Sets whether implicit steps follow: with every listed pair active, and searches as soon as one is due."""
+        self.implicit_steps = implicit
         self._renew_active_margin()
 
     def _renew_active_margin(self) -> None:

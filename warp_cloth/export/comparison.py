@@ -47,7 +47,7 @@ def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], fold
 
 
 def _maps(found: Comparison, fits: tuple[WrittenFit, WrittenFit], stage: Path) -> list[Path]:
-    """Writes the differences of maps: a stage, and a picture of each beside it."""
+    """Writes the differences of maps: a stage, and a picture of each."""
     first, ranges = fits[0], found.ranges
     colour = next(iter(ranges))
     write_stage(stage, garments=found.garments, avatar=first.avatar, name="compare", ranges=ranges, colour=colour)

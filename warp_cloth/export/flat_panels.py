@@ -42,7 +42,7 @@ def flat_panels(worn: WornGarment) -> FlatPanels | None:
 
 
 def author_flat_panels(part: Usd.Prim, worn: WornGarment, ranges: Ranges) -> UsdGeom.Mesh | None:
-    """The panels as a mesh beside the garment's, with its maps, in the plane z = 0; a guide, which is not rendered."""
+    """The panels as a mesh next to the garment's, with its maps, in the plane z = 0; a guide, which is not rendered."""
     flat = flat_panels(worn)
     if flat is None:
         return None

@@ -108,7 +108,7 @@ def _material(name: str, colour: NDArray[np.float64]) -> object:
 
 
 def write_obj(path: Path, *, garments: Sequence[WornGarment]) -> Path:
-    """Writes the garments in metres, y up, and their materials beside them; returns the path of the materials' file.
+    """Writes the garments in metres, y up, and their materials; returns the path of the materials' file.
 
     An object each, a group for each panel, normals per vertex, texture coordinates per corner.
     """

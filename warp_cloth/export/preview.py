@@ -98,7 +98,7 @@ def preview_image(
 ) -> Image.Image:
     """The picture, ``size`` wide and high [px], below its head, with marks where problems are.
 
-    ``placed``: whether the garments as placed before the fit stand beside them, in a scale of their own.
+    ``placed``: whether the garments as placed before the fit stand next to them, in a scale of their own.
 
     Raises:
         ValueError: a point is not finite.

@@ -1,4 +1,4 @@
-"""Marks where the problems of a fit are: their vertices painted on the garments, a ring and the code beside one."""
+"""Marks where the problems of a fit are: their vertices painted on the garments, a ring and the code next to one."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def draw_rings(
     places: Sequence[tuple[str, NDArray[np.float64]]],
     height: int,
 ) -> None:
-    """Draws a ring around each place in a view, and its code beside it.
+    """Draws a ring around each place in a view, and its code next to it.
 
     Args:
         image: the picture.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from warp_cloth.fitting.attempts import Course, Run
 from warp_cloth.garment.outfit import Outfit
 
+T = TypeVar("T")
 Shape = NDArray[np.float32]  # of all vertices [m], shape [V, 3]
 
 
@@ -83,7 +85,7 @@ def _dressed(placed: Shape, dressings: Sequence[Dressing], starts: Sequence[int]
     return [DressedShape(shapes[0].body, placed), *shapes] if shapes else []
 
 
-def _evenly(known: list, count: int) -> list:
+def _evenly(known: Sequence[T], count: int) -> list[T]:
     """So many of what is known, evenly chosen, the first and the last among them."""
     if not known:
         return []

@@ -172,21 +172,21 @@ def fit(
 
 @dataclass(frozen=True)
 class Caches:
-    """What fits one after another share."""
+    """Meshes and problems that several fits share."""
 
     meshes: MeshCache = field(default_factory=MeshCache)
     problems: Cache = field(default_factory=Cache)
 
     @classmethod
-    def that_stay(cls) -> Caches:
-        """Empty ones, for fits without end: what they hold on the device is limited."""
+    def limited(cls) -> Caches:
+        """Empty caches for a process that goes on fitting: DEVICE_BYTES of colliders at most."""
         caches = cls()
         caches.problems.limit = DEVICE_BYTES
         return caches
 
-    def not_full(self) -> Caches:
-        """These, or empty ones in their place where they hold too much."""
-        return self if max(self.meshes.count, self.problems.count) <= MOST_KEPT else Caches.that_stay()
+    def within_limits(self) -> Caches:
+        """These caches; new ones where they hold more than MOST_KEPT entries."""
+        return self if max(self.meshes.count, self.problems.count) <= MOST_KEPT else Caches.limited()
 
 
 @one_thread_at_a_time

@@ -51,7 +51,7 @@ class Fitter:
         self._load = partial(load_scene, garment, on=avatar)
         self._load(self._given)
         self.device = device_named(device)
-        self._caches = Caches.that_stay()
+        self._caches = Caches.limited()
 
     def fit(
         self,
@@ -91,5 +91,5 @@ class Fitter:
         changes = overrides_of({key: value for key, value in named.items() if value is not None})
         load = partial(self._load, [*self._given, *changes, *overrides_of(overrides)])
         with LAUNCH_LOCK:
-            self._caches = self._caches.not_full()
+            self._caches = self._caches.within_limits()
             return fit_loaded(load, self.device, self._caches, frames=frames, maps=maps, start=start, progress=progress)

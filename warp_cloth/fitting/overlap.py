@@ -79,7 +79,7 @@ def avatar_overlaps(
 
 @dataclass(frozen=True, eq=False)
 class _ItemSamples:
-    """Where the depth of a scene's cloth in its avatar is measured, beside its vertices."""
+    """Where the depth of a scene's cloth in its avatar is measured, besides its vertices."""
 
     edges: Samples  # that may pass through the avatar
     faces: Samples  # that it may show through

@@ -78,7 +78,7 @@ def _garment(path: Path) -> Any:
 
 
 def missing_file(path: Path, *others: str) -> InputError:
-    """The error for a mesh file that is not there, with the most similar name beside it or among ``others``."""
+    """The error for a mesh file that is not there, with the most similar name in its folder or among ``others``."""
     close = difflib.get_close_matches(str(path), others, n=1, cutoff=0.8)
     if close:
         return InputError(path, "no such file", f"did you mean {close[0]}?")

@@ -70,7 +70,7 @@ class Dispatcher:
         self._slots = []
         for number, device in enumerate(devices):
             count = devices.count(device)
-            # a worker beside others on the CPU has one core; nobody loads for it, whose memory could not be emptied
+            # one of several workers on the CPU has one core; nobody loads for it, whose memory could not be emptied
             threads = device != "cpu" or count == 1
             duty = Duty("warp_cloth.serve.answering", "answer", scratch, threads)
             self._slots.append(WorkerSlot(device, 1.0 / count, 0, devices[:number].count(device), duty))

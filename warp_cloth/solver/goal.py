@@ -22,7 +22,8 @@ class Goal:
     limit: int  # iterations
     patience: Patience = Patience.NONE  # with an item that comes no nearer to rest
     ends_crossing: bool = False  # where its cloth passes through cloth, after CROSSING_CHECKS
-    # every so many iterations, where nothing crosses and cloth still falls; implicit steps: wherever it is; None: never
+    # Iterations of a turn, after which the other kind of steps goes on where nothing crosses: after per-vertex steps if
+    # cloth still falls, after implicit ones in any case. None: no turns.
     turn_after: int | None = None
 
 

@@ -324,7 +324,7 @@ class _Loop:
         return found
 
     def _turning(self, measured: Measurement) -> list[int]:
-        """Active items that are to go on by the other kind of steps."""
+        """Active items whose turn is over: the other kind of steps goes on with them."""
         if self._schedule is None or not self._schedule.worn or measured.iteration == 0:
             return []
         falls = (measured.moved > FALLS) & (measured.rest_error > FAR)

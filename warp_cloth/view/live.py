@@ -84,7 +84,7 @@ class LiveFit:
         """Loads ``load_scene(source, changes, on=on, fabric=fabric)``; ``progress`` is called with each first stage."""
         self._load_changed = partial(load_scene, source, on=on, fabric=fabric)
         self._changes = self._first = dict(changes)
-        self._caches = Caches.that_stay()
+        self._caches = Caches.limited()
         self.device = device_named(device)
         self.scene = self._load(self._changes)
         self.problem: Problem = load_problem(
@@ -94,7 +94,7 @@ class LiveFit:
 
     def _shared(self) -> dict[str, Any]:
         """What every problem is built with: what those before it left, as in a ``Fitter``."""
-        self._caches = self._caches.not_full()
+        self._caches = self._caches.within_limits()
         return {"cache": self._caches.problems}
 
     def _load(self, changes: Mapping[str, str]) -> Scene:

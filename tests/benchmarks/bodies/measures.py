@@ -1,4 +1,4 @@
-"""Measures read off bodies, beside those that the bodies' maker states.
+"""Measures read off bodies, and those that the bodies' maker states.
 
     python tests/benchmarks/bodies/measures.py FOLDER [--table]
 

@@ -12,7 +12,6 @@ from scipy.spatial import cKDTree
 EDGE_STEP = 0.008  # [m] between samples along an edge
 FACE_STEP = 0.008  # [m] between samples within a face
 CHORD = (0.06, 0.10)  # [m] on the panel, across which bunching is measured: wider than a fold, narrower than a panel
-CHORDS = 64  # neighbours that are looked at, at most, by their distance on the panel
 
 
 def panel_lengths(mesh: Mesh) -> Floats:

@@ -1,4 +1,4 @@
-"""Meshes GarmentCode specifications and holds each against closed forms, and against the box mesh beside it.
+"""Meshes GarmentCode specifications and holds each against closed forms, and against the box mesh next to it.
 
     python tests/benchmarks/patterns/mesh_designs.py --designs designs
 

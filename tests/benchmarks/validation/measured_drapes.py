@@ -1,10 +1,11 @@
-"""Simulated drapes beside measured ones: folds, rim radii and drop over the drape coefficient, and draping again.
+"""Simulated drapes and measured ones: folds, rim radii and drop over the drape coefficient, and draping again.
 
 python tests/benchmarks/validation/measured_drapes.py --simulate drapes.csv --device cuda --workers 4   (324 discs)
 python tests/benchmarks/validation/measured_drapes.py --compare drapes.csv --measured ../shared/data/drape.csv --write
 
 The first drapes twelve discs of every shipped fabric and size, each on a mesh of its own: four from slight waves, four
-from high ones, four laid down from one side. The second sets them beside the table of measured drapes, and draws them.
+from high ones, four laid down from one side. The second compares them with the table of measured drapes, and draws
+them.
 """
 
 from __future__ import annotations

@@ -36,10 +36,11 @@ class PressingPairs:
 
     @property
     def capacity(self) -> int:
+        """The number of pairs that contact can list."""
         return len(self._cloth_contact.data.pairs.corners)
 
     def make_room(self) -> None:
-        """Takes as many pairs as contact lists."""
+        """Allocates room for as many pairs as contact lists."""
         if self.data.corners is not None and len(self.data.corners) == self.capacity:
             return
         types, device = cloth_types(self._model.precision), self._model.device
@@ -70,7 +71,7 @@ class PressingPairs:
         wp.launch(self._multiply, dim=self.capacity, inputs=[x, self.data], device=self._model.device)
 
     def limit(self) -> None:
-        """Lowers the fraction of the step that is gone."""
+        """Lowers the fraction of the displacements that is taken, so that no pair comes too near."""
         contact, model = self._cloth_contact, self._model
         size = max(self.capacity, model.vertex_count)
         inputs = [model.state, contact.data, contact.order, self.data]

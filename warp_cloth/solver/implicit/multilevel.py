@@ -69,7 +69,7 @@ class MultilevelRelaxation(Relaxation):
         self._implicit = ImplicitStep(
             model, self.avatar_contact, self.collider_type, table, levels, self.implicit_options, cloth_contact
         )
-        self._momentum, self._full_momentum = 0.0, self.step.momentum  # of implicit steps; of others unless held back
+        self._momentum, self._full_momentum = 0.0, self.step.momentum  # of implicit steps; of others, never lowered
         self._per_vertex, self.pace = True, Pace.FALLING
         self._checks, self._strain, self._since_check = 0, math.inf, 0
         self._settles = False
@@ -113,12 +113,12 @@ class MultilevelRelaxation(Relaxation):
         Implicit steps run as graphs from one renewal of the coarse levels to the next, captured once for each pace.
         The model's own positions are up to date then.
         """
-        implicit, goes_on = self._implicit, not self._per_vertex
+        implicit, was_implicit = self._implicit, not self._per_vertex
         if self.cloth_contact is not None:
             self._follow_contact(self.cloth_contact)
         elif self._per_vertex:
             self._check_seams()
-        due = goes_on and not self._per_vertex and self._since_renewal >= RIGID_RENEWAL
+        due = was_implicit and not self._per_vertex and self._since_renewal >= RIGID_RENEWAL
         if due and implicit is not None and implicit.renew_rigid_level():
             self._since_renewal = 0
         self._since_check, self._since_renewal = self._since_check + iterations, self._since_renewal + iterations
@@ -171,19 +171,19 @@ class MultilevelRelaxation(Relaxation):
             self.step.momentum = self._momentum
 
     def _follow_contact(self, cloth_contact: ClothContact) -> None:
-        """Lets steps be implicit while cloth only presses on cloth: once sewn, untangled, and no longer calm."""
+        """Lets steps be implicit once cloth is sewn and untangled and momentum is no longer lowered for contact."""
         implicit = self._implicit
         if implicit is None or implicit.pressing is None:
             return
         implicit.pressing.make_room()
-        far = cloth_contact.awake and not cloth_contact.untangles and self.step.momentum >= self._full_momentum
-        if far is not self._per_vertex:
+        ready = cloth_contact.awake and not cloth_contact.untangles and self.step.momentum >= self._full_momentum
+        if ready is not self._per_vertex:
             return
         self.update_model()
-        self._per_vertex = not far
-        cloth_contact.step_far(far)
+        self._per_vertex = not ready
+        cloth_contact.expect_implicit_steps(ready)
         self._set_pace(implicit)
-        self._items["cap"] = self.options.largest_move if far else per_vertex_options(self.options).largest_move
+        self._items["cap"] = self.options.largest_move if ready else per_vertex_options(self.options).largest_move
         self.upload_items()
         self.drop_graphs()
 

@@ -116,7 +116,7 @@ class ImplicitStep:
             step: a kernels.base.types Step.
             collider_data: of the avatars.
             renew: whether the coarse levels' stiffness is summed again.
-            contact_state: launches what brings the State as contact of cloth with cloth numbers it up to date.
+            contact_state: returns the State in the numbering of contact of cloth with cloth, brought up to date.
         """
         model, system, solution, state = self._model, self._system, self._solution, self.state
         vertices, count, ends, options = model.vertices, model.vertex_count, self._ends, self._options
@@ -166,7 +166,7 @@ class ImplicitStep:
             before, rho, other = rho, other, rho
 
     def _multiplied(self, x: wp.array) -> Any:
-        """The pairs that press, multiplied with displacements."""
+        """The pairs that press, with the products of their stiffness and displacements."""
         if self.pressing is None:
             return NoClothContact()
         self.pressing.multiply(x)
