@@ -24,7 +24,8 @@ class Term:
 def make_plan(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
     """The terms of a scene with nothing left to decide, in the order of an iteration."""
     pulls = any(bool((garment.rest.edge_pull > 0.0).any()) for garment in outfit.garments)
-    _, bends, woven, folded, _ = terms_of(outfit.garments)
+    acts = terms_of(outfit.garments)
+    bends, woven, folded = acts.folds, acts.yarns, acts.angles
     pins = sum(len(garment.pins) for garment in outfit.garments)
     accelerated = scene.solver.method == "accelerated"
     return (
@@ -42,6 +43,11 @@ def make_plan(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
             "the fabric resists bending" if bends else "the fabric's bending stiffness is 0",
         ),
         Term("rest angles", folded, "folds of the mesh, by garment.rest_angles" if folded else "cloth is flat at rest"),
+        Term(
+            "hysteresis",
+            acts.hysteresis,
+            "the fabric states 2HB" if acts.hysteresis else "no fabric states 2HB: folds do not rub",
+        ),
         Term("pins", pins > 0, f"{pins} vertices are pinned" if pins else "no vertex is pinned"),
         Term("momentum", accelerated, f'solver.method = "{scene.solver.method}"'),
         *_avatar_terms(scene, outfit),
