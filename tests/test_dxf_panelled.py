@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from dxf_panelled import PANELLED, TRUE_PANELLED_SEAMS
@@ -13,8 +14,9 @@ from test_dxf import boundary_loops, kinds
 from warp_cloth.pattern import DraftOptions, read_drafted
 from warp_cloth.pattern.draft import Stated
 from warp_cloth.pattern.dxf import repaired
-from warp_cloth.pattern.kinds import named
+from warp_cloth.pattern.kinds import PLACES, named
 from warp_cloth.pattern.proposal import SEWN_FROM
+from warp_cloth.scene.wearables import Place
 
 NAMES = {
     "front": "CENTER FRONT|Vorderteil|devant|delantero|davanti|frente|voorpand|Przód|полочка|ön beden|qian pian|前片",
@@ -82,3 +84,7 @@ def test_of_two_seams_that_fit_alike_none_is_sewn(tmp_path: Path) -> None:
     assert kinds(draft)["shoulder"] == kinds(draft)["side"] == 0
     chosen = read_drafted(path, DraftOptions(pieces={"FRONT VERSION B": Stated("none")}))
     assert kinds(chosen) == TRUE_SEAMS["tshirt"]
+
+
+def test_a_scene_may_state_every_place_that_a_piece_can_have() -> None:
+    assert set(get_args(Place)) == set(PLACES)

@@ -25,10 +25,11 @@ UvUnit = Literal["auto", LengthUnit]
 UV_UNITS: tuple[UvUnit, ...] = ("auto", *LENGTH_UNITS)
 LoopSide = Literal["top", "bottom", "left", "right", "front", "back"]
 Place = Literal[
-    "front", "back", "left_front", "right_front", "left_back", "right_back", "sleeve", "left_sleeve", "right_sleeve",
-    "leg_front", "left_leg_front", "right_leg_front", "leg_back", "left_leg_back", "right_leg_back", "skirt_front",
-    "skirt_back", "hood", "left_hood", "right_hood", "collar", "waistband", "hem_band", "cuff", "left_cuff",
-    "right_cuff", "none",
+    "front", "back", "left_front", "right_front", "left_back", "right_back", "side_front", "left_side_front",
+    "right_side_front", "side_back", "left_side_back", "right_side_back", "sleeve", "left_sleeve", "right_sleeve",
+    "under_sleeve", "left_under_sleeve", "right_under_sleeve", "leg_front", "left_leg_front", "right_leg_front",
+    "leg_back", "left_leg_back", "right_leg_back", "leg", "left_leg", "right_leg", "skirt_front", "skirt_back", "hood",
+    "left_hood", "right_hood", "collar", "waistband", "hem_band", "cuff", "left_cuff", "right_cuff", "none",
 ]  # fmt: skip
 Copies = Annotated[Integer, Field(ge=0, le=1)]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]
