@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-# Curvature up to which yarns cling [1/m]: beyond it the friction moment is reached. KES-F's loops rise from the end of
-# a stroke within 0.1 to 0.2 per cm of curvature, that is from -m to m within twice this.
+# Curvature up to which yarns cling [1/m]: beyond it the friction moment is reached. An assumption, of no published
+# value: KES-F bends to 250, so that its loop is closed within a tenth of the stroke.
 CLINGING = 10.0
 # Fold per curvature that counts at least, of a hinge's height. Those that neither warp nor weft folds would be so steep
 # that strips of 20 edges a bending length take 48,000 iterations (0.05) or 13,000 (0.25) for 7,000, and rest alike.
