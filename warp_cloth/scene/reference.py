@@ -75,9 +75,17 @@ def _values(field: FieldInfo) -> str:
     return _phrase(*bare_annotation(field.annotation), field.metadata)
 
 
+def _quoted(values: Sequence[Any]) -> str:
+    return ", ".join(f'"{value}"' for value in values)
+
+
 def _phrase(bare: Any, *metadata: Sequence[Any]) -> str:
     if get_origin(bare) is Literal:
-        return ", ".join(f'"{value}"' for value in get_args(bare))
+        values = get_args(bare)
+        sided = [value for value in values if {f"left_{value}", f"right_{value}"} <= {*values}]
+        sides = {f"{side}_{value}" for side in ("left", "right") for value in sided}
+        both, others = _quoted(sided), _quoted([value for value in values if value not in {*sided, *sides}])
+        return f"{both} (also with left_ or right_ before); {others}" if sided else others
     if get_origin(bare) in (Union, types.UnionType):
         return ", ".join(filter(None, (_phrase(*bare_annotation(inner)) for inner in get_args(bare))))
     if bare in (int, float):
