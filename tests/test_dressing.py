@@ -114,6 +114,7 @@ def test_a_circle_skirt_that_starts_round_the_arms_hangs_from_the_waist(tmp_path
         {
             "garment": {"mesh": str(tmp_path / "skirt.obj"), "units": "m"},
             "avatar": {"shape": {"kind": "mannequin"}},
+            "collision": {"pixel_mm": 6.0},
         }
     )
     (wearing,) = load_outfit(scene).wearing
@@ -155,7 +156,7 @@ def test_a_tshirt_that_starts_behind_its_body_is_worn_all_the_same(tmp_path: Pat
     path = write_panels(tmp_path / "behind.obj", mesh.points, mesh)
     assert load_mesh(path, role="garment", key="garment", prim=None, units="m").vertex_count == mesh.vertex_count
     garment = {"mesh": str(path), "units": "m", "translate": [0.0, 0.0, -0.25]}
-    scene = {"garment": garment, "avatar": {"shape": {"kind": "mannequin"}}}
+    scene = {"garment": garment, "avatar": {"shape": {"kind": "mannequin"}}, "collision": {"pixel_mm": 6.0}}
     fit = warp_cloth.fit(scene, device="cpu", frames=9)
     assert fit.report["attempts"][0]["start"] == "posed"
     assert fit.worn, fit.message

@@ -146,11 +146,7 @@ def loaded(*kernels: Any) -> None:
     made = [k for entry in kernels for k in (vars(entry).values() if isinstance(entry, SimpleNamespace) else [entry])]
     modules = {kernel.module for kernel in made if isinstance(kernel, wp.Kernel)}
     assert modules
-    with pytest.MonkeyPatch.context() as settings:
-        settings.setattr(wp.config, "optimization_level", 0)  # half the time: nothing is run here
-        wp.force_load("cpu", modules=list(modules))
-    for module in modules:
-        module.unload()  # else what runs later in this process runs so
+    wp.force_load("cpu", modules=list(modules))
 
 
 @pytest.mark.parametrize("path", FILES, ids=module_name)
