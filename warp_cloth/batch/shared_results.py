@@ -7,6 +7,7 @@ import fcntl
 import hashlib
 import os
 import pickle
+import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,6 +16,7 @@ from warp_cloth.base.cache import Cache
 
 T = TypeVar("T")
 
+LOOKS, LOOK = 50, 0.002  # times, and seconds apart, that a lock's holder is asked for its priority
 MOST_BYTES = 1 << 30  # in a folder, or a little more: results for the same panels are needed soon, or never
 
 
@@ -74,6 +76,11 @@ def _take_lock(lock: int) -> None:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             holder = os.pread(lock, 4, 0)
+            for _ in range(LOOKS):  # who has just taken the lock is about to write this
+                if holder:
+                    break
+                time.sleep(LOOK)
+                holder = os.pread(lock, 4, 0)
             if not holder or int(holder) > own:
                 return
             fcntl.flock(lock, fcntl.LOCK_EX)
