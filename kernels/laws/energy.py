@@ -1,4 +1,4 @@
-"""Energies of tension, yarns, bending and its friction: forces are minus their gradient. The certificate reports them.
+"""Energies of tension, yarns, bending and its friction: forces are minus their gradient.
 
 The certificate reports them. They are apart from the forces because + - * / here are Warp's own, of one value.
 """

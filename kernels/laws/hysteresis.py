@@ -1,4 +1,4 @@
-"""Friction within bent cloth (KES 2HB): a spring and a slider in each hinge, beside its elastic torque.
+"""Friction within bent cloth (KES 2HB): a spring and a slider in each hinge, added to its elastic torque.
 
     torque m min(|n0 - n1| / e, 1), back to the angle that the cloth was laid into
 
@@ -47,7 +47,7 @@ def friction_torque(
 ):
     """Torque of friction in a hinge [N m], and a bound of its stiffness [N/m].
 
-    The sign of ``stiffness`` and all arguments before it are as of ``bending.hinge_torque``; where a triangle
+    The sign of ``stiffness`` and all arguments before it are those of ``bending.hinge_torque``; where a triangle
     collapses the torque fades likewise.
     """
     zero, one = type(stiffness)(0.0), type(stiffness)(1.0)

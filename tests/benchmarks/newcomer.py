@@ -102,7 +102,7 @@ def prepare(folder: Path, garment: Path | None, body: Path | None) -> None:
 
 
 def run(typed: Typed, folder: Path) -> tuple[float, str, bool]:
-    """Seconds, the last line that counts, and whether it ended as it should."""
+    """Seconds, the first line that it prints, and whether it ended as it should."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     began = time.perf_counter()
     done = subprocess.run(

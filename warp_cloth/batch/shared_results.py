@@ -75,16 +75,20 @@ def _take_lock(lock: int) -> None:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            holder = os.pread(lock, 4, 0)
-            for _ in range(LOOKS):  # who has just taken the lock is about to write this
-                if holder:
-                    break
-                time.sleep(LOOK)
-                holder = os.pread(lock, 4, 0)
-            if not holder or int(holder) > own:
+            holder = _holders_priority(lock)
+            if holder is None or holder > own:
                 return
             fcntl.flock(lock, fcntl.LOCK_EX)
         os.pwrite(lock, b"%4d" % own, 0)
+
+
+def _holders_priority(lock: int) -> int | None:
+    """The priority (os.nice) that a lock's holder writes as soon as it has it; None: it does not."""
+    for _ in range(LOOKS):
+        if written := os.pread(lock, 4, 0):
+            return int(written)
+        time.sleep(LOOK)
+    return None
 
 
 class SharedCache(Cache):

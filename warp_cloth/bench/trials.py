@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -215,10 +216,10 @@ def let_down(
     """
     heavy = [Hanging(each.mesh, fabric, each.settled.points, load=HUNG) for each in draped]
     pulled = hung(heavy, device, iterations, near_rest=True)
-    start = []
-    for each, shape in zip(draped, pulled, strict=True):
-        rest = piece(each.mesh, fabric, held_by_support(each.mesh)).rest
-        start.append(Hanging(each.mesh, fabric, shape.points, laid=laid_by(rest, shape.points)))
+    start = [
+        Hanging(each.mesh, fabric, shape.points, laid=laid_by(each.garment.rest, shape.points))
+        for each, shape in zip(heavy, pulled, strict=True)
+    ]
     settled = hung(start, device, iterations, near_rest=True)
     return [Drape(each.mesh, shape) for each, shape in zip(draped, settled, strict=True)]
 
@@ -260,7 +261,7 @@ class Hanging:
     laid: Floats | None = None  # angles that its hinges were laid into [rad], shape [H]; None: flat
     load: float = 1.0  # times its own weight
 
-    @property
+    @cached_property
     def garment(self) -> Garment:
         """The disc as it enters a model."""
         own = piece(self.mesh, self.fabric, held_by_support(self.mesh), laid=self.laid)

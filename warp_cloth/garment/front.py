@@ -27,7 +27,7 @@ NAMED = 10.0  # the cue of panels' names: they are sure
 WAIST = (0.2, 0.6)  # of the way from the hips to the shoulders: the cloth there is a bodice's or a waistband's
 SLICE = 0.02  # [m] of height, in which front and back are compared
 NARROW, ALIKE = 0.1, 0.5  # [m] of a front or back, and their ratio, from which on both are whole
-BESIDE = 1.15  # times as far from the middle as the roots of the arms: cloth farther out is a sleeve's
+TRUNK_WIDTH = 1.15  # times as far from the middle as the roots of the arms: cloth farther out is a sleeve's
 MIDDLE = 0.1  # of a neckline's width, on either side of its middle
 LEAST = 0.05  # [m2] of cloth below the hips: less tells little
 VERTICAL = np.array([0.0, 1.0, 0.0])
@@ -82,7 +82,7 @@ class _Halves:
         rise = float((skeleton.shoulders - skeleton.spine[0]) @ up)
         ahead, sideways = off @ forward, off @ skeleton.left
         sideways = sideways - 0.5 * (sideways.min() + sideways.max())
-        is_trunk = np.abs(sideways) < BESIDE * _shoulder_width(skeleton)
+        is_trunk = np.abs(sideways) < TRUNK_WIDTH * _shoulder_width(skeleton)
         if not is_trunk.any() or rise <= 0.0:
             return None
         middle = 0.5 * (ahead[is_trunk].min() + ahead[is_trunk].max())

@@ -22,7 +22,7 @@ from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.measured_body import measured_mannequin
 from warp_cloth.garment.mistaken import refuse_bodies
 from warp_cloth.garment.pins import select_pins
-from warp_cloth.garment.reading import read_again, read_body_again, with_doubts
+from warp_cloth.garment.reading import cloths_of, read_again, read_body_again, with_doubts
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
 from warp_cloth.loading import Placement, check_sizes, load_mesh_once, load_poses, without_area
@@ -129,7 +129,7 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     except InputError:
         garments = _garments(scene, worn, cache)
         wearing = _wearing(scene, garments, avatar, cache)
-        outfit = _read_as(*read_again(scene, worn, garments, wearing), cache)
+        outfit = _read_as(*read_again(scene, cloths_of(worn, garments, wearing)), cache)
         outfit = outfit or _read_as(*read_body_again(scene, keyed, avatar), cache)
         if outfit is None:
             raise
@@ -144,9 +144,9 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     predraped = () if predrape_scene is None else _garments(predrape_scene, worn, cache)
     still = avatar if not poses and scene.collision.avatar != "none" else None
     wearing = _wearing(scene, garments, still, cache)
-    otherwise = _read_as(*read_again(scene, worn, garments, wearing), cache)
-    noted = with_doubts(scene, worn, garments, wearing)
-    return otherwise or Outfit(noted, garments, avatar, poses, predraped, wearing)
+    cloths = cloths_of(worn, garments, wearing)
+    otherwise = _read_as(*read_again(scene, cloths), cache)
+    return otherwise or Outfit(with_doubts(scene, cloths), garments, avatar, poses, predraped, wearing)
 
 
 def _read_as(again: Scene, readings: Sequence[Choice], mesh_cache: MeshCache) -> Outfit | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -37,25 +38,46 @@ NEARER = 0.5  # times as far from the limbs, another reading is the right one
 BESIDE = 0.1  # [m] from the body's middle, from where on a garment may be beside it
 
 
-def read_again(
-    scene: Scene, meshes: Sequence[Mesh], garments: Sequence[Garment], worn: Sequence[Wearing | None]
-) -> tuple[Scene, list[Choice]]:
+@dataclass(frozen=True, eq=False)
+class Cloth:
+    """A garment as it was read, and its openings on the body; None: it has none there."""
+
+    mesh: Mesh
+    garment: Garment
+    wearing: Wearing | None
+
+    @cached_property
+    def front_at_start(self) -> Front | None:
+        """As ``front``, of the garment as it starts; None: it has no openings on a body."""
+        return None if self.wearing is None else self.front(self.wearing, self.wearing.followed)
+
+    def front(self, wearing: Wearing, points: Points) -> Front:
+        """Whether its front is before the body, with the garment at ``points`` [m]."""
+        corners = self.garment.rest.corners
+        corners = self.garment.points[self.garment.triangles] if corners is None else corners
+        return front_of(wearing, points, triangle_areas(triangle_sides(corners)), self.mesh)
+
+
+def cloths_of(meshes: Sequence[Mesh], garments: Sequence[Garment], worn: Sequence[Wearing | None]) -> list[Cloth]:
+    """The garments of a scene as they were read."""
+    return [Cloth(*each) for each in zip(meshes, garments, worn, strict=True)]
+
+
+def read_again(scene: Scene, cloths: Sequence[Cloth]) -> tuple[Scene, list[Choice]]:
     """The scene with one thing read otherwise of garments that start badly, and what that is; else the same scene.
 
     What a garment's author states stays.
     """
     specs, choices = list(scene.garments), []
-    for index, (spec, key, mesh, garment, wearing) in enumerate(
-        zip(scene.garments, scene.garment_keys, meshes, garments, worn, strict=True)
-    ):
+    for index, (spec, key, cloth) in enumerate(zip(scene.garments, scene.garment_keys, cloths, strict=True)):
+        wearing = cloth.wearing
         if spec.mesh is None or wearing is None or _is_placed(spec):
             continue
-        cloth = _Cloth(mesh, garment, wearing)
         found = None
         if wearing.start_fault:
-            found = _scaled_or_stood_up(spec, mesh, wearing) or _turned(cloth) or _moved(wearing)
+            found = _scaled_or_stood_up(spec, cloth.mesh, wearing) or _turned(cloth, wearing) or _moved(wearing)
         if found is None and "rotate" not in spec.model_fields_set:
-            found = _turned_about(cloth)
+            found = _turned_about(cloth, wearing)
         if found is not None:
             changes, reason = found
             specs[index] = spec.model_copy(update=changes)
@@ -63,37 +85,17 @@ def read_again(
     return (scene.model_copy(update={"garments": tuple(specs)}) if choices else scene), choices
 
 
-def with_doubts(
-    scene: Scene, meshes: Sequence[Mesh], garments: Sequence[Garment], worn: Sequence[Wearing | None]
-) -> tuple[Mesh, ...]:
+def with_doubts(scene: Scene, cloths: Sequence[Cloth]) -> tuple[Mesh, ...]:
     """The garments' meshes, with a note where one may be worn back to front."""
     noted = []
-    for spec, key, mesh, garment, wearing in zip(
-        scene.garments, scene.garment_keys, meshes, garments, worn, strict=True
-    ):
-        front = None
-        if spec.mesh is not None and wearing is not None and "rotate" not in spec.model_fields_set:
-            front = _Cloth(mesh, garment, wearing).front(wearing.followed)
+    for spec, key, cloth in zip(scene.garments, scene.garment_keys, cloths, strict=True):
+        mesh, is_open = cloth.mesh, spec.mesh is not None and "rotate" not in spec.model_fields_set
+        front = cloth.front_at_start if is_open else None
         if front is not None and front.score <= -DOUBTFUL:
             note = f"it may be worn back to front, as {front.reason}: {key}.rotate = [0, 180, 0] turns it"
             mesh = replace(mesh, notes=(*mesh.notes, note))
         noted.append(mesh)
     return tuple(noted)
-
-
-@dataclass(frozen=True, eq=False)
-class _Cloth:
-    """A garment as it was read, and its openings on the body."""
-
-    mesh: Mesh
-    garment: Garment
-    wearing: Wearing
-
-    def front(self, points: Points) -> Front:
-        """Whether its front is before the body, with the garment at ``points`` [m]."""
-        corners = self.garment.rest.corners
-        corners = self.garment.points[self.garment.triangles] if corners is None else corners
-        return front_of(self.wearing, points, triangle_areas(triangle_sides(corners)), self.mesh)
 
 
 def read_body_again(
@@ -166,9 +168,8 @@ def _off_limbs(wearing: Wearing, points: Points) -> float:
     return float(np.mean([np.linalg.norm(curve - middle, axis=1).min() for middle, curve in pairs]))
 
 
-def _turned(cloth: _Cloth) -> Change | None:
+def _turned(cloth: Cloth, wearing: Wearing) -> Change | None:
     """The turn about the body that brings a left and a right opening to its left and right; None: they are there."""
-    wearing = cloth.wearing
     skeleton = wearing.skeleton
     across = _sideways(wearing)
     if across is None:
@@ -179,7 +180,7 @@ def _turned(cloth: _Cloth) -> Change | None:
         return None
     if abs(abs(degrees) - QUARTER) < SQUARE:
         degrees = float(np.copysign(QUARTER, degrees))
-    if cloth.front(_about_axis(degrees, skeleton.middle).moved(wearing.start)).score < 0.0:
+    if cloth.front(wearing, _about_axis(degrees, skeleton.middle).moved(wearing.start)).score < 0.0:
         degrees -= float(np.copysign(180.0, degrees))
     turn = _about_axis(degrees, skeleton.middle)
     there = Wearing.of(wearing.openings, turn.moved(wearing.start), wearing.triangles, skeleton)
@@ -189,14 +190,13 @@ def _turned(cloth: _Cloth) -> Change | None:
     return changes, "its openings for left and right lie before and behind the body"
 
 
-def _turned_about(cloth: _Cloth) -> Change | None:
+def _turned_about(cloth: Cloth, wearing: Wearing) -> Change | None:
     """The half turn of a garment whose back is before the body, about the axis of its file or of the body.
 
     None: its front is there, or it is not sure enough, or could not be sewn there.
     """
-    wearing = cloth.wearing
-    front = cloth.front(wearing.followed)
-    if front.score > -CERTAIN:
+    front = cloth.front_at_start
+    if front is None or front.score > -CERTAIN:
         return None
     for axis in (np.zeros(3), wearing.skeleton.middle):
         turn = _about_axis(180.0, axis)

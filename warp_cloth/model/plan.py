@@ -28,34 +28,25 @@ def make_plan(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
     pins = sum(len(garment.pins) for garment in outfit.garments)
     accelerated = scene.solver.method == "accelerated"
     return (
-        Term(
-            "tension", pulls, "edges resist stretching" if pulls else "woven fabric: yarns resist stretching, not edges"
-        ),
-        Term(
-            "weave",
-            terms.yarns,
-            "yarns run through every triangle" if terms.yarns else "no fabric is woven: edges resist stretching",
-        ),
-        Term(
-            "bending",
-            terms.folds,
-            "the fabric resists bending" if terms.folds else "the fabric's bending stiffness is 0",
-        ),
-        Term(
-            "rest angles",
-            terms.angles,
-            "folds of the mesh, by garment.rest_angles" if terms.angles else "cloth is flat at rest",
-        ),
-        Term(
+        _term("tension", pulls, "edges resist stretching", "woven fabric: yarns resist stretching, not edges"),
+        _term("weave", terms.yarns, "yarns run through every triangle", "no fabric is woven: edges resist stretching"),
+        _term("bending", terms.folds, "the fabric resists bending", "the fabric's bending stiffness is 0"),
+        _term("rest angles", terms.angles, "folds of the mesh, by garment.rest_angles", "cloth is flat at rest"),
+        _term(
             "bending friction",
             terms.hysteresis,
-            "the fabric's bending_hysteresis_2HB" if terms.hysteresis else "no fabric states bending_hysteresis_2HB",
+            "the fabric's bending_hysteresis_2HB",
+            "no fabric states bending_hysteresis_2HB",
         ),
-        Term("pins", pins > 0, f"{pins} vertices are pinned" if pins else "no vertex is pinned"),
+        _term("pins", pins > 0, f"{pins} vertices are pinned", "no vertex is pinned"),
         Term("momentum", accelerated, f'solver.method = "{scene.solver.method}"'),
         *_avatar_terms(scene, outfit),
         Term("cloth contact", scene.collision.cloth is True, f"collision.cloth = {str(scene.collision.cloth).lower()}"),
     )
+
+
+def _term(name: str, used: bool, why: str, why_not: str) -> Term:
+    return Term(name, used, why if used else why_not)
 
 
 def contact_kind(scene: Scene, outfit: Outfit) -> str:

@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from warp_cloth.pattern.vocabulary import BESIDE, INNER_CLOTH, LEFT_WORDS, RIGHT_WORDS, UNDER, WORDS
+from warp_cloth.pattern.vocabulary import INNER_CLOTH, LEFT_WORDS, RIGHT_WORDS, SIDE_PANEL_WORDS, UNDER, WORDS
 
 LEFT, BOTH, RIGHT = 1, 0, -1  # the wearer's
 
@@ -124,7 +124,7 @@ def _named(name: str) -> Named:
     if kind in ("leg", "skirt"):
         face = next((each for each in found if each in ("front", "back")), "")
         return Named(f"{kind}_{face}" if face else kind, side)
-    if kind in ("front", "back") and re.search(BESIDE, text):
+    if kind in ("front", "back") and re.search(SIDE_PANEL_WORDS, text):
         return Named(kind, side, SIDE_PANEL)
     if kind == "sleeve" and re.search(UNDER, text):
         return Named(kind, side, UNDER_SLEEVE)

@@ -46,8 +46,8 @@ def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> 
 def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
     part = parts[index]
     by_kind: dict[str, Callable[[], Wrap | None]] = {
-        "front": lambda: _trunk(part, figure, True, _beside_it(parts, index)),
-        "back": lambda: _trunk(part, figure, False, _beside_it(parts, index)),
+        "front": lambda: _trunk(part, figure, True, _side_panel_width(parts, index)),
+        "back": lambda: _trunk(part, figure, False, _side_panel_width(parts, index)),
         "side_front": lambda: _side_panel(parts, index, figure, True),
         "side_back": lambda: _side_panel(parts, index, figure, False),
         "skirt_front": lambda: _trunk(part, figure, True),
@@ -99,17 +99,17 @@ def _middle_of(part: Part, is_front: bool, least: Floats, most: Floats) -> float
     return float(least.min() - GAP if inner_low else most.max() + GAP)
 
 
-def _beside_it(parts: Sequence[Part], index: int) -> float:
+def _side_panel_width(parts: Sequence[Part], index: int) -> float:
     """How far a front or back goes on in side panels [m]."""
     face = next(face for face in faces_of(parts, parts[index].kind) if face[0] == index)
     return max((float(np.ptp(parts[panel].shape.box, axis=0)[0]) for panel in face[1:]), default=0.0)
 
 
-def _trunk(part: Part, figure: Figure, is_front: bool, beside: float = 0.0) -> Wrap:
+def _trunk(part: Part, figure: Figure, is_front: bool, side_panels: float = 0.0) -> Wrap:
     levels, least, most = _spans(part)
     top = float(figure.middle[1]) if part.kind.startswith("skirt") else float(figure.neck[1])
     centre = np.full(LEVELS, _middle_of(part, is_front, least, most))
-    half = np.maximum(most - centre, centre - least) + beside
+    half = np.maximum(most - centre, centre - least) + side_panels
     return _round_trunk(part, figure, is_front, levels, centre, half, top + levels - levels[-1])
 
 

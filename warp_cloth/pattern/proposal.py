@@ -96,8 +96,8 @@ def _bodices(parts: Sequence[Part]) -> Iterable[Joint]:
                     one, other = face_run(parts, front, role, side), face_run(parts, back, role, side, True)
                     ease = (-0.06, 0.02) if role == "shoulder" else PLAIN_EASE
                     yield from joint_of(parts, one, other, role, ease)
-    for middle, *beside in (*fronts, *backs):
-        for panel in beside:
+    for middle, *side_panels in (*fronts, *backs):
+        for panel in side_panels:
             side = parts[panel].side
             one = run_of(middle, role_of(parts, middle, "princess", side))
             other = run_of(panel, parts[panel].roles.get("princess", ()), True)

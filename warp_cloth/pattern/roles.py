@@ -167,10 +167,10 @@ def ends_of(shape: Shape) -> tuple[tuple[int, int], tuple[int, int]]:
     return grown(bottom, True), grown(top, False)
 
 
-def bodice_roles(shape: Shape, whole: bool, beside: Callable[[Shape, Sequence[int], str], Roles]) -> Roles:
+def bodice_roles(shape: Shape, whole: bool, side_roles: Callable[[Shape, Sequence[int], str], Roles]) -> Roles:
     """neck, hem; shoulder, armhole and side at +x and -x, as "shoulder+"; of a half also centre, with one side.
 
-    ``beside`` tells the roles of the edges from the hem up to the neck: ``arm_side``, or of a middle panel
+    ``side_roles`` tells the roles of the edges from the hem up to the neck: ``arm_side``, or of a middle panel
     ``panel_roles.middle_side``.
     """
     order, count = shape.order, len(shape.order)
@@ -187,8 +187,8 @@ def bodice_roles(shape: Shape, whole: bool, beside: Callable[[Shape, Sequence[in
                 return roles
             tips.append(int(mine[starts[mine, 1].argmax()]))
         roles["neck"] = shape.run(tips[0], tips[1])
-        roles |= beside(shape, shape.run(hem_end, tips[0]), "+")
-        roles |= beside(shape, shape.run(tips[1], hem_first)[::-1], "-")
+        roles |= side_roles(shape, shape.run(hem_end, tips[0]), "+")
+        roles |= side_roles(shape, shape.run(tips[1], hem_first)[::-1], "-")
         return roles
     tallest = _centre_run(shape, hem_first, hem_end)
     if tallest is None:
@@ -199,10 +199,10 @@ def bodice_roles(shape: Shape, whole: bool, beside: Callable[[Shape, Sequence[in
     if at_right:  # hem, centre, neck, shoulder, armhole, side
         neck_from = (order.index(centre[-1]) + 1) % count
         roles["neck"] = shape.run(neck_from, tip)
-        roles |= beside(shape, shape.run(tip, hem_first)[::-1], "-")
+        roles |= side_roles(shape, shape.run(tip, hem_first)[::-1], "-")
     else:
         roles["neck"] = shape.run(tip, order.index(centre[0]))
-        roles |= beside(shape, shape.run(hem_end, tip), "+")
+        roles |= side_roles(shape, shape.run(hem_end, tip), "+")
     return roles
 
 

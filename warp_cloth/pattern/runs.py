@@ -79,13 +79,13 @@ def role_of(parts: Sequence[Part], panel: int, role: str, side: int) -> Run:
 
 def faces_of(parts: Sequence[Part], face: str) -> list[tuple[int, ...]]:
     """Each front, or back, with the side panels that go on where it ends: the middle panel first."""
-    beside = parts_of_kind(parts, f"side_{face}")
+    side_panels = parts_of_kind(parts, f"side_{face}")
     return [
         (
             middle,
             *(
                 panel
-                for panel in beside
+                for panel in side_panels
                 if BOTH in (parts[middle].side, parts[panel].side) or parts[panel].side == parts[middle].side
             ),
         )

@@ -93,7 +93,7 @@ INNER_CLOTH = (
     r"|fodera|adesiv|podszew|подклад|дублер|astar|里布|里料|衬"
 )
 # Pieces beside the middle ones of a front or back, and under sleeves of sleeves of two pieces
-BESIDE = (
+SIDE_PANEL_WORDS = (
     r"\bside|princess|seitenteil|seitl|\bseite|zijpand|\bzij|cote\b|\bflanc|costad|lateral|fianc"
     r"|fianchetto|boczek|\bbok\b|bocni|бочок|боков|\byan\b|\bsid|sivukap|\bce ?(pian|qian|hou)?\b|侧|側"
     r"|脇|옆"

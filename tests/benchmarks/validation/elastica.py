@@ -103,7 +103,7 @@ def line(s: Floats, angle: Floats) -> Shape:
 
 
 def solve(strip: Strip, power: float = 0.5, slider: Slider | None = None, heavier: float = 1.0) -> Shape:
-    """The strip's line at rest, under so many times its weight. This grows from nearly none: the solver follows it.
+    """The strip's line at rest, under a multiple of its weight. This grows from nearly none: the solver follows it.
 
     Raises:
         RuntimeError: the solver finds none.

@@ -1,4 +1,4 @@
-"""Friction in bending: both ends of the band in which a strip rests, beside theory; and drapes of published fabrics.
+"""Friction in bending: both ends of the band in which a strip rests, and theory; drapes of published fabrics.
 
 python tests/benchmarks/validation/hysteresis.py --discs 2 --rings 24
 """
