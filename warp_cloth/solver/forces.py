@@ -65,7 +65,8 @@ class ForcePass:
             self._passes.append((gather_kernel(options), 0, read, [load]))
             return
         edges, triangles = model.edge_count, model.triangle_count
-        normal, sides = wp.empty(0, dtype=types.vec4), wp.empty(0, dtype=lane_types(types.real, WIDTH).vec3)
+        normal = wp.empty(0, dtype=types.vec4, device=model.device)
+        sides = wp.empty(0, dtype=lane_types(types.real, WIDTH).vec3, device=model.device)
         no_sides = wp.empty(0, dtype=types.vec3, device=model.device)
         fold = wp.empty(edges if terms.folds else 0, dtype=types.vec4, device=model.device)
         asked = model.precision, accumulate, terms

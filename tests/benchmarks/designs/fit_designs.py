@@ -14,6 +14,8 @@ import csv
 import subprocess
 import sys
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +83,7 @@ def run_batch(jobs: list[dict[str, str]], changes: list[str], given: argparse.Na
     words += ["--device", given.device] if given.device else []
     words += ["--workers", str(given.workers)] if given.workers else []
     words += ["--shard", str(given.shard)] if given.shard else []
+    words += ["--sheet", str(given.sheet)] if given.sheet else []
     subprocess.run(words, check=False)  # its exit status tells whether all are worn; the table says more
 
 
@@ -95,24 +98,30 @@ def shapes_of(folder: Path) -> dict[str, Floats]:
     return found
 
 
+def judged(job: dict[str, str], at_rest: bool, shape: Floats) -> dict[str, str]:
+    """The judge's word and figures for one item."""
+    found = judge(read_obj(Path(job["garment.mesh"])), shape, wearer_of(job["avatar.mesh"]), at_rest=at_rest)
+    return {"judge": str(found)} | {name: f"{value:.4g}" for name, value in found.figures.items()}
+
+
+@cache
+def wearer_of(body: str) -> Wearer:
+    """The body of a file; each process reads one once."""
+    return Wearer.of(read_obj(Path(body)))
+
+
 def judged_rows(jobs: list[dict[str, str]], folder: Path) -> list[dict[str, str]]:
-    """A row per item: what the batch says, and what the judge says."""
+    """A row per item: what the batch says, and what the judge says, on all cores."""
     with (folder / "results.csv").open() as file:
         results = {row["name"]: row for row in csv.DictReader(file)}
     shapes, rows = shapes_of(folder), []
-    wearers: dict[str, Wearer] = {}
-    for job in jobs:
-        row = {column: results[job["name"]].get(column, "") for column in COLUMNS}
-        if job["name"] in shapes:
-            body = job["avatar.mesh"]
-            if body not in wearers:
-                wearers[body] = Wearer.of(read_obj(Path(body)))
-            garment = read_obj(Path(job["garment.mesh"]))
-            found = judge(garment, shapes[job["name"]], wearers[body], at_rest=row["status"] == "at_rest")
-            row["judge"] = str(found)
-            row |= {name: f"{value:.4g}" for name, value in found.figures.items()}
-        rows.append(row)
-    return rows
+    with ProcessPoolExecutor() as pool:
+        for job in jobs:
+            row = results[job["name"]]
+            told = {column: row.get(column, "") for column in COLUMNS}
+            shape = shapes.get(job["name"])
+            rows.append((told, None if shape is None else pool.submit(judged, job, row["status"] == "at_rest", shape)))
+        return [told | (word.result() if word else {}) for told, word in rows]
 
 
 def main() -> None:
@@ -126,6 +135,7 @@ def main() -> None:
     parse.add_argument("--device")
     parse.add_argument("--workers", type=int)
     parse.add_argument("--shard", type=int, help="items a shard: small ones leave results where a run is cut off")
+    parse.add_argument("--sheet", type=int, help="pictures on batch/contact_sheet.html, the worst items first")
     parse.add_argument("--set", dest="changes", action="append", default=[], metavar="KEY=VALUE")
     add_write_option(parse)
     given = parse.parse_args()

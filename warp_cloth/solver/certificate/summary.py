@@ -84,7 +84,7 @@ class Summary:
             sums = groups
         if self._arrival is not None:
             wp.copy(self._figures, sums)
-            wp.record_event(self._arrival)
+            wp.get_stream(device).record_event(self._arrival)
         return PendingFigures(self._figures, self._arrival)
 
 
