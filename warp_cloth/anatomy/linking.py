@@ -168,8 +168,9 @@ class Wearing:
         """What moves the garment onto the body that it starts beside [m], shape [3]; else 0.
 
         Across, so that the trunk passes through the middle of its openings, where it does not or is far from there; up
-        and down so that it lies on the shoulders, where it has any and is far from that; else only where a waist is far
-        from the body's and not round its trunk, since where trousers begin is their designer's choice.
+        and down so that it lies on the shoulders, where it has any and is far from that, or its neckline would be sewn
+        over the head or below the arms; else only where a waist is far from the body's and not round its trunk, since where
+        trousers begin is their designer's choice.
         """
         skeleton, points = self.skeleton, self.followed
         wrong = {id(each.opening) for each in self.misplaced_at_start}
@@ -180,7 +181,9 @@ class Wearing:
         if is_wrong or float(np.linalg.norm(self.across)) > FAR_TRUNK * skeleton.span:
             shift = shift + self.across
         if above := height_over_shoulders(self.limbs, points + shift, self.triangles, skeleton):
-            shift = shift - skeleton.up * (above if abs(above) > FAR_SHOULDERS else 0.0)
+            is_under = above < 0.0 and any(HEAD in each.wanted for each in self.misplaced_at_start)
+            is_amiss = is_under or HEAD in self.pierced(points + shift)
+            shift = shift - skeleton.up * (above if is_amiss or abs(above) > FAR_SHOULDERS else 0.0)
         elif sleeves:
             up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)
             shift = shift + skeleton.up * (up if abs(up) > FAR_SHOULDERS else 0.0)
