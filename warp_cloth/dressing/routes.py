@@ -59,7 +59,7 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
     for arm in ARMS:
         if routes[arm] is None:
             routes[arm] = _raised(arm, skeleton, space)
-    if LEGS in wearing.limbs:
+    if LEGS in wearing.limbs and (_legs_apart(skeleton) or set(LEGS) & set(wearing.pierced(points))):
         for leg in LEGS:
             if routes[leg] is None:
                 routes[leg] = _lowered(leg, skeleton)
@@ -101,13 +101,15 @@ def _raised(arm: int, skeleton: Skeleton, space: FreeSpace) -> Route | None:
     return Route(smoothed(_onward(curve[: joint + 1], direction, length), SMOOTHING), turned)
 
 
-def _lowered(leg: int, skeleton: Skeleton) -> Route | None:
-    """A leg in a skirt, straight down, since panels before and behind it are sewn there; None: it is so."""
-    curve, joint = skeleton.curves[leg], skeleton.joints[leg]
+def _legs_apart(skeleton: Skeleton) -> bool:
+    """Whether a leg does not hang straight down, as one that walks or sits."""
     legs_down = [skeleton.curves[each][-1] - skeleton.curves[each][skeleton.joints[each]] for each in LEGS]
-    cosines = [float(way @ -skeleton.up) / max(float(np.linalg.norm(way)), 1e-9) for way in legs_down]
-    if min(cosines) > DOWN:
-        return None
+    return min(float(way @ -skeleton.up) / max(float(np.linalg.norm(way)), 1e-9) for way in legs_down) <= DOWN
+
+
+def _lowered(leg: int, skeleton: Skeleton) -> Route:
+    """A leg in a skirt, straight down to its toes, since panels before and behind it are sewn there."""
+    curve, joint = skeleton.curves[leg], skeleton.joints[leg]
     length = float(arc_lengths(curve[joint:])[-1])
     return Route(smoothed(_onward(curve[: joint + 1], -skeleton.up, length), SMOOTHING), 0.0)
 
