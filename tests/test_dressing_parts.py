@@ -11,8 +11,8 @@ import pytest
 from warp_cloth.anatomy.openings import ARMS, LEGS
 from warp_cloth.anatomy.skeleton import LEFT_ARM
 from warp_cloth.base.curves import arc_lengths
+from warp_cloth.dressing.panels import CLOSED, legs_parted, skirt_closed
 from warp_cloth.dressing.routes import Route, _is_armhole, curves_of
-from warp_cloth.dressing.skirts import CLOSED, skirt_closed
 
 SHOULDER = np.array([0.2, 1.4, 0.0])
 
@@ -52,33 +52,85 @@ def test_an_armhole_is_where_the_shoulder_is_at_home() -> None:
     np.testing.assert_allclose(curve[[0, -1]], way[[0, -1]])
 
 
+FAN, WAIST = slice(0, 6 * 41), slice(0, 41)
+
+
 def dress(half_angle: float) -> tuple[Any, Any]:
-    """A fan of cloth round a waist at the origin, to ``half_angle`` from down on both sides, and one arm's cuff."""
+    """A fan of cloth round the origin, to ``half_angle`` from down on both sides, a bodice's rim, and an arm's cuff."""
     angles, radii = np.meshgrid(np.linspace(-half_angle, half_angle, 41), np.linspace(0.1, 0.6, 6))
     fan = np.stack([radii * np.sin(angles), -radii * np.cos(angles), 0.0 * radii], axis=2).reshape(-1, 3)
-    points = np.vstack([fan, ring((0.5, 0.4, 0.0))])
-    hem, cuff = np.arange(5 * 41, 6 * 41), np.arange(len(fan), len(points))
-    to_hem = np.concatenate([0.6 - radii.ravel(), np.full(len(cuff), 1.5)])
-    to_cuff = np.concatenate([np.full(len(fan), 1.0), np.zeros(len(cuff))])
+    rim = np.stack([np.linspace(-0.2, 0.2, 41), np.full(41, 0.8), np.zeros(41)], axis=1)
+    points = np.vstack([fan, ring((0.5, 0.4, 0.0)), rim])
+    hem, cuff, first_of_rim = np.arange(5 * 41, 6 * 41), np.arange(len(fan), len(points) - 41), len(points) - 41
+    to_hem = np.concatenate([0.6 - radii.ravel(), np.full(len(cuff), 1.5), np.full(41, 0.6)])
+    to_cuff = np.concatenate([np.full(len(fan), 1.0), np.zeros(len(cuff)), np.full(41, 0.7)])
+    along = np.arange(40)
+    rows = (41 * np.arange(5)[:, None] + along).ravel()
+    cloth = np.stack([rows, rows + 1, rows + 41], axis=1), np.stack([rows + 1, rows + 42, rows + 41], axis=1)
+    seam = np.stack([along, along + 1, along + first_of_rim], axis=1)
     openings = [SimpleNamespace(loop=hem), SimpleNamespace(loop=cuff)]
     limbs = [LEGS, (ARMS[1],)]
     distances = {LEGS: to_hem, (ARMS[1],): to_cuff}
-    wearing = SimpleNamespace(openings=openings, limbs=limbs, skeleton=skeleton(), distances=lambda: distances)
+    wearing = SimpleNamespace(
+        openings=openings,
+        limbs=limbs,
+        triangles=np.concatenate([*cloth, seam]),
+        skeleton=skeleton(),
+        distances=lambda: distances,
+    )
     return wearing, points
 
 
 def test_a_wide_skirt_is_closed_below_its_waist() -> None:
     wearing, points = dress(np.radians(170.0))
     closed = skirt_closed(wearing, points)
-    fan, cuff = slice(0, 6 * 41), slice(6 * 41, None)
-    assert points[fan, 1].max() > 0.5
-    assert closed[fan, 1].max() < 0.0
-    np.testing.assert_allclose(np.linalg.norm(closed[fan], axis=1), np.linalg.norm(points[fan], axis=1), atol=1e-9)
-    aside = np.abs(np.arctan2(closed[fan, 0], -closed[fan, 1]))
+    assert points[FAN, 1].max() > 0.5
+    assert closed[WAIST, 1].mean() == pytest.approx(points[WAIST, 1].mean())  # else it would pull the bodice down
+    centre = np.array([0.0, closed[20, 1] + 0.1, 0.0])
+    away = closed[FAN] - centre
+    np.testing.assert_allclose(np.linalg.norm(away, axis=1), np.linalg.norm(points[FAN], axis=1), atol=1e-9)
+    aside = np.abs(np.arctan2(away[:, 0], -away[:, 1]))
     assert aside.max() == pytest.approx(CLOSED)
-    np.testing.assert_array_equal(closed[cuff], points[cuff])
+    np.testing.assert_array_equal(closed[6 * 41 :], points[6 * 41 :])
 
 
 def test_a_narrow_skirt_is_left_as_it_is() -> None:
     wearing, points = dress(np.radians(60.0))
     assert skirt_closed(wearing, points) is points
+
+
+def trousers(spread: float) -> tuple[Any, Any]:
+    """Two legs of one layer, 0.8 m long below a crotch at the origin, that reach ``spread`` over the middle there."""
+    rows, columns = np.linspace(0.2, -0.8, 21), np.linspace(0.0, 1.0, 6)
+    inner = np.where(rows < 0.0, -spread * rows / -0.8, 0.0)
+    legs = [
+        np.stack([side * (0.3 * columns + inner[:, None] * (1.0 - columns)), np.tile(rows[:, None], 6)], axis=2)
+        for side in (-1.0, 1.0)
+    ]
+    points = np.concatenate([np.pad(leg.reshape(-1, 2), ((0, 0), (0, 1))) for leg in legs])
+    step = np.arange(20)[:, None] * 6 + np.arange(5)
+    one = np.stack([step, step + 1, step + 6], axis=2).reshape(-1, 3)
+    joined = np.stack([6 * np.arange(4), 6 * np.arange(4) + 126, 6 * np.arange(1, 5)], axis=1)  # above the crotch
+    height = points[:, 1] + 0.8
+    is_left = np.arange(len(points)) >= 126
+    distances = {(LEGS[0],): height + is_left, (LEGS[1],): height + ~is_left, LEGS: 1.0 - height}
+    triangles = np.concatenate([one, one + 126, joined])
+    wearing = SimpleNamespace(triangles=triangles, skeleton=skeleton(), distances=lambda: distances)
+    return wearing, points
+
+
+def test_wide_legs_are_parted_at_the_crotch() -> None:
+    wearing, points = trousers(0.15)
+    moved = legs_parted(wearing, points)
+    right, left = moved[:126], moved[126:]
+    below = points[:126, 1] < -0.05
+    assert points[:126][below, 0].max() > 0.1
+    assert right[below, 0].max() < 0.0
+    assert left[below, 0].min() > 0.0
+    above = points[:, 1] >= 0.0
+    np.testing.assert_array_equal(moved[above], points[above])
+
+
+def test_narrow_legs_are_left_as_they_are() -> None:
+    wearing, points = trousers(0.0)
+    assert legs_parted(wearing, points) is points

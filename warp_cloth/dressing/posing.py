@@ -26,14 +26,18 @@ class PosedBody:
 
     def __init__(self, body: Mesh, skeleton: Skeleton) -> None:
         self._skeleton = skeleton
-        self.home = [resampled(smoothed(curve, 2), STATIONS) for curve in skeleton.curves]
+        limbs = [resampled(smoothed(curve, 2), STATIONS) for curve in skeleton.curves]
+        self.home = [*limbs, resampled(skeleton.spine, STATIONS)]  # the trunk's last
         self._tangents = [_tangents(curve) for curve in self.home]
         limb, self._station = self._with_roots(body.points)
         self._of_limb = [np.flatnonzero(limb == number) for number in range(TRUNK)]
         self._base = skeleton.spine_at(body.points)  # the point that each vertex is thinned towards
-        for curve, own in zip(self.home, self._of_limb, strict=True):
+        for curve, own in zip(self.home, self._of_limb, strict=False):
             self._base[own] = _at(curve, self._station[own])
         self._offset = body.points - self._base
+        self._of_trunk = np.flatnonzero(limb == TRUNK)
+        off = self._base[self._of_trunk][:, None] - self.home[TRUNK]
+        self._station[self._of_trunk] = np.linalg.norm(off, axis=2).argmin(axis=1) / (STATIONS - 1)
 
     def _with_roots(self, points: Points) -> tuple[NDArray[np.int8], Floats]:
         """Limb and station of each vertex, where shoulders and hips belong to their limbs.
@@ -59,13 +63,22 @@ class PosedBody:
     def points(self, curves: Sequence[Points], thickness: float) -> Points:
         """The vertices along these curves, at most ``thickness`` off them [m], shape [V, 3]."""
         base, offset = self._base.copy(), self._offset.copy()
-        for number, (curve, own) in enumerate(zip(curves, self._of_limb, strict=True)):
+        base[self._of_trunk] += _at(curves[TRUNK] - self.home[TRUNK], self._station[self._of_trunk])
+        for number, (curve, own) in enumerate(zip(curves, self._of_limb, strict=False)):
             station = self._station[own]
             base[own] = _at(curve, station)
             offset[own] = _rotated(offset[own], _at(self._tangents[number], station), _at(_tangents(curve), station))
         length = np.linalg.norm(offset, axis=1, keepdims=True)
         found: Points = base + offset * np.minimum(1.0, thickness / np.maximum(length, 1e-9))
         return found
+
+    def trunk_up_to(self, end: Points) -> Points:
+        """The trunk's curve drawn together below the shoulders, to end no lower than this point [m]."""
+        skeleton, curve = self._skeleton, self.home[TRUNK]
+        top, heights = float(skeleton.shoulders @ skeleton.up), curve @ skeleton.up
+        lowness = np.clip((top - heights) / max(top - float(heights.min()), 1e-6), 0.0, 1.0)
+        raised: Points = curve + lowness[:, None] * max(float(end @ skeleton.up - heights.min()), 0.0) * skeleton.up
+        return raised
 
     @property
     def arms_away(self) -> list[Points] | None:

@@ -11,7 +11,8 @@ from functools import cached_property, partial
 import numpy as np
 
 from warp_cloth.anatomy.linking import curve_crossings
-from warp_cloth.anatomy.openings import ARMS
+from warp_cloth.anatomy.openings import ARMS, LEGS
+from warp_cloth.anatomy.skeleton import TRUNK
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.avatar.contact import followed
 from warp_cloth.avatar.depth import DEFAULT_REACH
@@ -21,9 +22,9 @@ from warp_cloth.avatar.layers import build_layered_buffers
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Indices, Points
+from warp_cloth.dressing.panels import between_legs, parted
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
-from warp_cloth.dressing.skirts import skirt_closed
 from warp_cloth.fitting.film import DressedShape, Dressing
 from warp_cloth.fitting.problem import Problem, build_problem
 from warp_cloth.garment.outfit import Outfit, garments_in
@@ -149,11 +150,14 @@ class _Dressing:
         self.wearing, self._avatar, self._device = wearing, avatar, device
         sewing = _sewing_scene(scene, offset)
         (garment,) = garments_in(sewing, outfit.meshes)
-        garment = replace(garment, points=skirt_closed(wearing, wearing.onto))
+        garment = replace(garment, points=parted(wearing, wearing.onto))
         self._body = PosedBody(avatar, wearing.skeleton)
         routes = limb_routes(wearing, garment.points)
         has_armholes = any(route is not None and route.armhole is not None for route in routes)
-        self._posed = curves_of(routes, wearing.skeleton, STATIONS)
+        limbs, trunk = curves_of(routes, wearing.skeleton, STATIONS), self._body.home[TRUNK]
+        if all((leg,) in wearing.limbs for leg in LEGS):  # trousers are sewn below the trunk's end
+            trunk = self._body.trunk_up_to(limbs[LEGS[0]][0])
+        self._posed = [*limbs, trunk]
         self._away = self._body.arms_away if has_armholes else None
         self._surface = self._body.points(self._posed, THIN)
         sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
@@ -161,6 +165,7 @@ class _Dressing:
         clock.lap("dress")
         self._problem = build_problem([sewing], [sewn], device, attempts=[attempt], clock=clock)
         clock.begin("dress")
+        self._between_legs = between_legs(wearing)
         self._collider = _BodyCollider(avatar.triangles, device, offset)
         self._meet_body()
         self._iterations = 0
@@ -168,11 +173,12 @@ class _Dressing:
 
     @cached_property
     def _no_sleeves(self) -> list[Indices]:
-        """For each arm the triangles that are far from its opening."""
-        triangles, pairs = self.wearing.triangles, list(zip(self.wearing.openings, self.wearing.limbs, strict=True))
-        far = np.full(len(self._points), np.inf)
-        near = [np.min([far, *(each.distances for each, limbs in pairs if arm in limbs)], axis=0) for arm in ARMS]
-        return [triangles[(distances[triangles] > SLEEVE).all(axis=1)] for distances in near]
+        """For each arm the triangles that are far from its opening, and nearer to the hem."""
+        triangles, distances = self.wearing.triangles, self.wearing.distances()
+        to_hem = distances.get(LEGS, np.zeros(len(self._points)))
+        none = np.full(len(self._points), np.inf)
+        to_arm = [np.min([none, *(each for limbs, each in distances.items() if arm in limbs)], axis=0) for arm in ARMS]
+        return [triangles[((near > SLEEVE) & (near > to_hem))[triangles].all(axis=1)] for near in to_arm]
 
     @property
     def in_the_way(self) -> bool:
@@ -196,12 +202,16 @@ class _Dressing:
                 break
 
     def lift(self) -> None:
-        """Moves the garment to where its highest opening started.
+        """Moves the garment to where its highest opening started, but trousers no higher than their crotch lets them.
 
         Seams that close draw a wide skirt together, and what falls is too heavy for a waist to hold.
         """
         up, points = self.wearing.skeleton.up, self._points
-        self._problem.model.set_points(points + self.wearing.drop(points) * up)
+        rise = self.wearing.drop(points)
+        if len(self._between_legs):
+            crotch = float((points[self._between_legs] @ up).min())
+            rise = min(rise, float((self.wearing.skeleton.spine @ up).min()) - crotch)
+        self._problem.model.set_points(points + rise * up)
         self._meet_body()
 
     def fall(self) -> None:

@@ -1,0 +1,114 @@
+"""Panels moved apart before they are sewn: wide skirts that start above the arms, wide legs that overlap."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from warp_cloth.anatomy.linking import Wearing
+from warp_cloth.anatomy.openings import ARMS, LEGS
+from warp_cloth.base.mesh import Points
+
+HALF_CIRCLE = np.radians(90.0)  # of a fan, from down to one side
+SEAM = 4.0  # of the median length of edges, from which one spans a seam
+CLOSED = np.radians(65.0)  # the same once it is closed
+ROUND = 0.2  # spread of a round hem's distance from its centre, over their mean
+OVERLAP = 0.01  # [m] beyond the middle, from which a leg's panels overlap those of the other leg
+APART = 0.02  # [m] from the middle, that legs are moved apart to
+BELOW = 0.05  # [m] below the crotch, from where on
+STEEPEST = 1.0  # sideways over down, that a leg is turned at most
+
+
+def parted(wearing: Wearing, points: Points) -> Points:
+    """The garment at ``points`` [m], shape [V, 3], with its panels where they can be sewn round a body."""
+    return legs_parted(wearing, skirt_closed(wearing, points))
+
+
+def between_legs(wearing: Wearing) -> NDArray[np.intp]:
+    """The vertices where the legs of trousers meet, from the waist to the crotch; none of other garments."""
+    distances = wearing.distances()
+    if not all((leg,) in distances for leg in LEGS):
+        return np.zeros(0, dtype=np.intp)
+    is_left = _is_left(wearing)[wearing.triangles]
+    return np.unique(wearing.triangles[is_left.any(axis=1) & ~is_left.all(axis=1)])
+
+
+def _is_left(wearing: Wearing) -> NDArray[np.bool_]:
+    right, left = (wearing.distances()[leg,] for leg in LEGS)
+    return left < right
+
+
+def legs_parted(wearing: Wearing, points: Points) -> Points:
+    """Wide legs of trousers, whose panels overlap in the middle, turned out at the crotch until they do not.
+
+    They would be sewn through each other. Returns all vertices, shape [V, 3].
+    """
+    seam = between_legs(wearing)
+    if not len(seam):
+        return points
+    aside, height = points @ wearing.skeleton.left, points @ wearing.skeleton.up
+    middle, crotch = float(np.median(aside[seam])), float(height[seam].min())
+    below = np.maximum(crotch - height, 0.0)
+    out = np.where(_is_left(wearing), 1.0, -1.0)
+    beyond = -(aside - middle) * out  # how far each vertex lies on the other side
+    some = below > BELOW
+    if not some.any() or float(beyond[some].max()) < OVERLAP:
+        return points
+    slope = min(float(((beyond[some] + APART) / below[some]).max()), STEEPEST)
+    moved: Points = points + (slope * below * out)[:, None] * wearing.skeleton.left
+    return moved
+
+
+def skirt_closed(wearing: Wearing, points: Points) -> Points:
+    """A dress's wide skirt, a fan of more than half a circle at ``points`` [m], closed until it lies below its waist.
+
+    Such a fan reaches above the arms, and front and back would be sewn over them. Returns all vertices, shape [V, 3].
+    """
+    distances = wearing.distances()
+    tops = [own for limbs, own in distances.items() if set(limbs) & set(ARMS)]
+    if LEGS not in distances or not tops:
+        return points
+    hem = next(each for each, limbs in zip(wearing.openings, wearing.limbs, strict=True) if limbs == LEGS)
+    skeleton = wearing.skeleton
+    flat = np.stack([points @ skeleton.left, points @ skeleton.up], axis=1)
+    centre = _circle_centre(flat[hem.loop])
+    away = flat - centre
+    aside = np.arctan2(away[:, 0], -away[:, 1])  # from down
+    of_skirt = _of_hem(wearing, points, hem.loop)
+    if of_skirt[np.min(tops, axis=0) == 0.0].any():  # one piece, not of panels
+        of_skirt = distances[LEGS] < np.min(tops, axis=0)
+    radius = np.linalg.norm(away, axis=1)
+    is_round = float(radius[hem.loop].std()) < ROUND * float(radius[hem.loop].mean())
+    if not is_round or float(np.abs(aside[hem.loop]).max()) < HALF_CIRCLE:
+        return points
+    widest = float(np.abs(aside[of_skirt]).max(initial=0.0))
+    closed = aside * np.where(of_skirt, CLOSED / widest, 1.0)
+    there = centre + radius[:, None] * np.stack([np.sin(closed), -np.cos(closed)], axis=1)
+    change = np.where(of_skirt[:, None], there - flat, 0.0)
+    sides = of_skirt[wearing.triangles]
+    seam = np.intersect1d(wearing.triangles[sides.any(axis=1) & ~sides.all(axis=1)], np.flatnonzero(of_skirt))
+    if len(seam):  # the waist of a fan lies all about its centre, that of the closed one below
+        change[of_skirt, 1] -= change[seam, 1].mean()
+    moved: Points = points + change[:, :1] * skeleton.left + change[:, 1:] * skeleton.up
+    return moved
+
+
+def _of_hem(wearing: Wearing, points: Points, hem: NDArray[np.int_]) -> NDArray[np.bool_]:
+    """Which vertices belong to the panels that end at a hem: seams yet to close are longer than a panel's edges."""
+    corners = wearing.triangles
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+    within = edges[lengths < SEAM * np.median(lengths)]
+    joined = coo_matrix((np.ones(len(within)), within.T), shape=(len(points), len(points)))
+    panel = connected_components(joined, directed=False)[1]
+    return np.isin(panel, panel[hem])
+
+
+def _circle_centre(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The centre of the circle that comes nearest to points of a plane, shape [N, 2] (Kasa's least squares)."""
+    equations = np.column_stack([2.0 * points, np.ones(len(points))])
+    found = np.linalg.lstsq(equations, (points**2).sum(axis=1), rcond=None)[0]
+    centre: NDArray[np.float64] = found[:2]
+    return centre
