@@ -281,7 +281,7 @@ def test_ci_runs_both_commands_of_the_readme() -> None:
     """Each is the only line of README that ends as the script looks for it."""
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     readme = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
-    for end in ("fit tshirt --out out", "pytest -n 2"):
+    for end in ("fit tshirt --out out", "pytest -n 3"):
         assert f"'{end}$'" in script
         (line,) = (line for line in readme if line.endswith(end))
         assert line.startswith("python3 -m venv .venv && .venv/bin/pip install ")
