@@ -8,6 +8,7 @@ import shutil
 import signal
 import tempfile
 from collections import Counter
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -94,6 +95,29 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
         return None
     config.option.loadscopereorder = False
     return ByPageOrFile(config, log)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_compiler_warnings() -> Iterator[None]:
+    """Whatever kernels a test has compiled, the compiler warns of nothing."""
+    with compiling.compiled_by(_compile_strictly):
+        yield
+
+
+def _compile_strictly(compiler: Callable[..., None], *words: Any, **options: Any) -> None:
+    """What a compiler warns of would be on every user's screen, at the first fit: it fails."""
+    with tempfile.TemporaryFile() as file:
+        stderr = os.dup(2)
+        os.dup2(file.fileno(), 2)
+        try:
+            compiler(*words, **options)
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+            file.seek(0)
+            said = file.read()
+            os.write(2, said)
+    assert b": warning: " not in said, said.decode(errors="replace")
 
 
 @pytest.fixture(scope="session")

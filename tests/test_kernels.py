@@ -59,13 +59,6 @@ STANDARD = {"collections.abc", "ctypes", "dataclasses", "enum", "functools", "ha
 MADE_BY_WARP = ("func", "kernel", "struct")
 
 
-@pytest.fixture(autouse=True)
-def _no_warning(capfd: pytest.CaptureFixture[str]) -> Iterator[None]:
-    """What a compiler warns of would be on every user's screen, at the first fit."""
-    yield
-    assert ": warning: " not in capfd.readouterr().err
-
-
 def device_code(tree: ast.AST) -> Iterator[tuple[str, ast.FunctionDef | ast.ClassDef]]:
     """Every function, kernel and struct of a kernel file, wherever in it, with which of these it is."""
     for node in ast.walk(tree):
