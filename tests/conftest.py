@@ -7,6 +7,8 @@ import re
 import shutil
 import signal
 import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+from warp_cloth.base import compiling
 from warp_cloth.base.first_run import note_kernels
 
 # Every property gets a few examples in the suite, the same ones on every run; --hypothesis-profile=fuzz looks for
@@ -32,6 +35,8 @@ def pytest_configure(config: pytest.Config) -> None:
         config.add_cleanup(partial(shutil.rmtree, folder, ignore_errors=True))
         for device in ("cpu", "cuda"):  # commands do not say that it is their first run
             note_kernels(device, str(Path(__file__).parent))
+    if hasattr(config, "workerinput"):  # other cores have work, and whoever compiles reads headers for 2 s first
+        compiling.core_count = lambda: 1
 
 
 def pytest_sessionstart() -> None:
@@ -40,9 +45,43 @@ def pytest_sessionstart() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+COMPILING = "test_kernels.py"
+MANY = 10  # tests of a file that begins before long ones: it compiles most of the kernels that these need
+
+
+def scope_of(nodeid: str) -> str:
+    """Which tests run in one process, since what they share is made once: those of a file, or of a page's code blocks.
+
+    Tests that only compile share nothing: each goes where there is time for it.
+    """
+    page = re.search(r"\[(.+\.md):\d+\]$", nodeid)
+    path = nodeid.partition("::")[0]
+    return page[1] if page else nodeid if path.endswith(COMPILING) else path
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """In several processes, long tests begin early enough, and compile tests fill up the end: these are short.
+
+    So no process ends long after the others. A command that a long test runs reads Warp's headers for 2 s if it has to
+    compile anything, and a compile test has less to do where others have compiled: most files come before.
+    """
+    if not hasattr(config, "workerinput"):
+        return
+    long = {scope_of(item.nodeid) for item in items if item.get_closest_marker("long")}
+    count = Counter(scope_of(item.nodeid) for item in items)
+
+    def place(item: pytest.Item) -> tuple[bool, bool, bool, int]:
+        scope = scope_of(item.nodeid)
+        is_early = count[scope] >= MANY and scope not in long
+        return COMPILING in scope, not is_early, scope not in long, -count[scope]
+
+    items.sort(key=place)
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Keeps the tests of a file in one process, or of a page whose code blocks are tests: what they share is made once.
+    """Keeps a scope's tests in one process, and the order of scopes.
 
     Not by xdist's own groups: they are names appended to node ids, which pytest 9.2 no longer lets them change.
     """
@@ -50,10 +89,35 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
     class ByPageOrFile(LoadScopeScheduling):  # type: ignore[misc]
         def _split_scope(self, nodeid: str) -> str:
-            page = re.search(r"\[(.+\.md):\d+\]$", nodeid)
-            return page[1] if page else nodeid.partition("::")[0]
+            return scope_of(nodeid)
 
-    return ByPageOrFile(config, log) if config.getoption("dist") == "load" else None
+    if config.getoption("dist") != "load":
+        return None
+    config.option.loadscopereorder = False
+    return ByPageOrFile(config, log)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_compiler_warnings() -> Iterator[None]:
+    """Whatever kernels a test has compiled, the compiler warns of nothing."""
+    with compiling.compiled_by(_compile_strictly):
+        yield
+
+
+def _compile_strictly(compiler: Callable[..., None], *words: Any, **options: Any) -> None:
+    """What a compiler warns of would be on every user's screen, at the first fit: it fails."""
+    with tempfile.TemporaryFile() as file:
+        stderr = os.dup(2)
+        os.dup2(file.fileno(), 2)
+        try:
+            compiler(*words, **options)
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+            file.seek(0)
+            said = file.read()
+            os.write(2, said)
+    assert b": warning: " not in said, said.decode(errors="replace")
 
 
 @pytest.fixture(scope="session")

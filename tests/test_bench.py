@@ -123,10 +123,10 @@ def test_discs_hang_as_each_does_alone() -> None:
             mesh, fabric_named("cotton"), held_by_support(mesh), weightless=False, options=whole, count=len(group)
         )
         found.append(discs.settle_all(group, Tolerance(), 5000))
-    for beside, alone in ((found[0][0], found[1][0]), (found[0][1], found[2][0])):
-        assert beside.check == alone.check
-        assert (beside.points == alone.points).all()
-        assert (beside.forces == alone.forces).all()
+    for together, alone in ((found[0][0], found[1][0]), (found[0][1], found[2][0])):
+        assert together.check == alone.check
+        assert (together.points == alone.points).all()
+        assert (together.forces == alone.forces).all()
     assert len({disc.check.iteration for disc in found[0]}) > 1  # some go on where others are at rest
 
 
@@ -138,13 +138,13 @@ def test_discs_of_other_fabrics_and_meshes_hang_as_each_does_alone() -> None:
         for mesh, name in zip(meshes, ("cotton", "felt"), strict=True)
     ]
     starts = [mesh.points + (0.0, 1e-3, 0.0) * np.cos(50.0 * mesh.points[:, :1]) for mesh in meshes]
-    beside = Specimens(pieces, weightless=False, options=whole).settle_all(starts, Tolerance(), 5000)
+    together = Specimens(pieces, weightless=False, options=whole).settle_all(starts, Tolerance(), 5000)
     for number in range(2):
         alone = Specimens(pieces[number : number + 1], weightless=False, options=whole)
         (found,) = alone.settle_all(starts[number : number + 1], Tolerance(), 5000)
-        assert beside[number].check == found.check
-        assert (beside[number].points == found.points).all()
-        assert (beside[number].forces == found.forces).all()
+        assert together[number].check == found.check
+        assert (together[number].points == found.points).all()
+        assert (together[number].forces == found.forces).all()
 
 
 @pytest.mark.parametrize("rings", [5, 6, 7, 8, 9, 35])

@@ -86,7 +86,7 @@ def test_of_an_overhanging_fold_the_farthest_counts() -> None:
     [
         View(),
         View(side=256, quality=70),
-        View(side=1500, tilt=10.0, toward=35.0, shadow=0.3, check=40, light=0.2),
+        View(side=1000, tilt=10.0, toward=35.0, shadow=0.3, check=40, light=0.2),
         View(plate=(225, 225, 230), background=(230, 230, 235), shadow=0.2),  # a plate of the background's colour
         View(camera=1.0),
     ],

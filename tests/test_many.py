@@ -21,7 +21,7 @@ from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.memory import MemoryNeed, grouped_by_avatar, memory_need, split_to_fit
 from warp_cloth.contact import garments
 from warp_cloth.contact.garments import model_crossings, worn_crossings
-from warp_cloth.fitting import problem
+from warp_cloth.fitting import avatar_contacts, problem
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.fitting.problem import Problem, tolerance_of
 from warp_cloth.garment.outfit import load_outfit
@@ -135,7 +135,7 @@ def test_what_a_batch_takes_over_of_earlier_ones_changes_no_bit(gathers: bool, m
     monkeypatch.setattr(problem, "build_model", partial(build_model, gathers=gathers))
     built = []
     monkeypatch.setattr(
-        problem, "AvatarContact", lambda *given, **named: built.append(1) or AvatarContact(*given, **named)
+        avatar_contacts, "AvatarContact", lambda *given, **named: built.append(1) or AvatarContact(*given, **named)
     )
     load_cache = LoadCache(0)
     scenes = mixture()[:7]

@@ -110,16 +110,16 @@ def test_what_is_stated_stays(tmp_path: Path, tshirt: Mesh) -> None:
     assert not placed.readings
 
 
-def test_a_garment_beside_the_body_keeps_the_roles_of_its_openings(tmp_path: Path, tshirt: Mesh) -> None:
-    there, beside = read(tmp_path, tshirt, lambda p: p), read(tmp_path, tshirt, lambda p: p + np.array([0.3, 0.0, 0.0]))
-    (first,), (second,) = there.wearing, beside.wearing
+def test_a_garment_aside_the_body_keeps_the_roles_of_its_openings(tmp_path: Path, tshirt: Mesh) -> None:
+    there, aside = read(tmp_path, tshirt, lambda p: p), read(tmp_path, tshirt, lambda p: p + np.array([0.3, 0.0, 0.0]))
+    (first,), (second,) = there.wearing, aside.wearing
     assert first is not None
     assert second is not None
     assert second.limbs == first.limbs
 
 
 @pytest.mark.parametrize("move", [(0.3, 0.0, 0.0), (0.0, 0.0, -0.3)])
-def test_a_garment_beside_the_body_is_moved_onto_it(
+def test_a_garment_aside_the_body_is_moved_onto_it(
     tmp_path: Path, tshirt: Mesh, move: tuple[float, float, float]
 ) -> None:
     outfit = read(tmp_path, tshirt, lambda points: points + np.array(move))

@@ -200,8 +200,8 @@ def check_form(words: list[str], *, values: bool) -> None:
         script = ROOT / arguments[0]
         source = script.read_text(encoding="utf-8")
         for shared in re.findall(r"^from (?:\w+\.)?(\w+) import", source, re.MULTILINE):  # options of several scripts
-            beside = script.with_name(f"{shared}.py")
-            source += beside.read_text(encoding="utf-8") if beside.exists() else ""
+            module = script.with_name(f"{shared}.py")
+            source += module.read_text(encoding="utf-8") if module.exists() else ""
         for option in arguments[1:]:
             name = option.partition("=")[0]
             assert not option.startswith("--") or f'"{name}"' in source, f"{arguments[0]} has no option {name}"
@@ -281,7 +281,7 @@ def test_ci_runs_both_commands_of_the_readme() -> None:
     """Each is the only line of README that ends as the script looks for it."""
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     readme = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
-    for end in ("fit tshirt --out out", "pytest -n 2"):
+    for end in ("fit tshirt --out out", "pytest -n 3"):
         assert f"'{end}$'" in script
         (line,) = (line for line in readme if line.endswith(end))
         assert line.startswith("python3 -m venv .venv && .venv/bin/pip install ")

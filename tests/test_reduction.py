@@ -44,11 +44,11 @@ def test_garments_are_summed_chunk_by_chunk_in_pairs(sizes: list[int]) -> None:
         assert found.numpy()[garment] == in_pairs(wanted)
 
 
-def test_a_garment_has_the_same_chunks_beside_others_and_no_more_than_a_block_can_sum() -> None:
+def test_a_garment_has_the_same_chunks_both_others_and_no_more_than_a_block_can_sum() -> None:
     few, many = 100, 3 * 64 * MOST_CHUNKS
     alone = split_into_chunks(np.array([0, few]), 64, "cpu")
-    beside = split_into_chunks(np.array([0, many, many + few]), 64, "cpu")
-    start = beside.start.numpy()
+    both = split_into_chunks(np.array([0, many, many + few]), 64, "cpu")
+    start = both.start.numpy()
     assert start[1] <= MOST_CHUNKS
-    assert (beside.first.numpy()[start[1] :] - many).tolist() == alone.first.numpy().tolist()
-    assert beside.garment.numpy().tolist() == [0] * start[1] + [1] * 2
+    assert (both.first.numpy()[start[1] :] - many).tolist() == alone.first.numpy().tolist()
+    assert both.garment.numpy().tolist() == [0] * start[1] + [1] * 2

@@ -187,7 +187,7 @@ def start_type(precision: str) -> type:
 
 @functools.cache
 def advance_functions(options: KernelOptions) -> SimpleNamespace:
-    """Functions ``start_patch``, ``read_vertex`` and ``patch_vertex``, with which the kernels below begin."""
+    """What the kernels below are made of: how they begin, what they load of contact early, how a vertex ends."""
     types, functions = cloth_types(options.precision), patch_functions(options)
     precision, early = options.precision, _reads_early(options)
     PatchStart, Context, PatchWork = start_type(precision), context_type(precision), work_type(precision)
@@ -228,16 +228,20 @@ def advance_functions(options: KernelOptions) -> SimpleNamespace:
             functions.compute_corners(context, work)
         return vertex
 
-    return SimpleNamespace(start_patch=start_patch, read_vertex=read_own_vertex, patch_vertex=patch_vertex)
+    return SimpleNamespace(
+        start_patch=start_patch,
+        patch_context=context_function(options),
+        read_vertex=read_own_vertex,
+        patch_vertex=patch_vertex,
+        prefetch=prefetch_function(options),
+        move_vertex=move_function(options),
+    )
 
 
 @functools.cache
 def _advance_kernel(options: KernelOptions) -> wp.Kernel:
     """Kernel ``advance_vertices``: no thread waits for what is loaded before the block has computed."""
     types, own, functions = cloth_types(options.precision), advance_functions(options), patch_functions(options)
-    patch_context, prefetch, move_vertex = (
-        context_function(options), prefetch_function(options), move_function(options),
-    )  # fmt: skip
     prefetches = options.fits and not options.cloth_contact  # else there are no registers for it
 
     @wp.kernel(**_kernel_settings(options))
@@ -259,19 +263,21 @@ def _advance_kernel(options: KernelOptions) -> wp.Kernel:
         patch, item = start.patch, start.item
         if skips_patch(item.active, patch, start.first, start.second):
             return
-        context = patch_context(step, patches, patch, overflow, lane)
+        context = own.patch_context(step, patches, patch, overflow, lane)
         work = functions.compute_edges(context, state, start.first, start.second, start.upcoming)
         vertex = own.patch_vertex(context, work, model, state, item)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         if wp.static(prefetches):
-            known = prefetch(state, colliders, contact, vertex.index, wp.vec3d(vertex.position), patch.item, item)
+            known = own.prefetch(state, colliders, contact, vertex.index, wp.vec3d(vertex.position), patch.item, item)
         wait_for_block()
         local = int(lane)
         while local < patch.owned_count:
             load = functions.vertex_load(context, local, edges, triangles)
             if wp.static(not prefetches):
-                known = prefetch(state, colliders, contact, vertex.index, wp.vec3d(vertex.position), patch.item, item)
-            move_vertex(state, step, colliders, contact, known, load, vertex, position_out, displacement_out)
+                known = own.prefetch(
+                    state, colliders, contact, vertex.index, wp.vec3d(vertex.position), patch.item, item
+                )
+            own.move_vertex(state, step, colliders, contact, known, load, vertex, position_out, displacement_out)
             local += block_threads()
             if wp.static(options.fits):  # a thread has one vertex only
                 local = patch.owned_count
@@ -286,9 +292,6 @@ def _advance_kernel(options: KernelOptions) -> wp.Kernel:
 def _advance_in_contact_kernel(options: KernelOptions) -> wp.Kernel:
     """Kernel ``advance_in_contact``: its first blocks compute contact forces, the others wait for these at last."""
     types, own, functions = cloth_types(options.precision), advance_functions(options), patch_functions(options)
-    patch_context, prefetch, move_vertex = (
-        context_function(options), prefetch_function(options), move_function(options),
-    )  # fmt: skip
     add_block_forces = block_forces_function(options.precision, Accumulate.STIFFNESS, in_order=True)
 
     @wp.kernel(**_kernel_settings(options))
@@ -318,19 +321,19 @@ def _advance_in_contact_kernel(options: KernelOptions) -> wp.Kernel:
             arrived = await_blocks(contact.blocks.done, signalling)
             leave_blocks(contact.blocks.done, signalling, waiting, arrived)
             return
-        context = patch_context(step, patches, patch, overflow, lane)
+        context = own.patch_context(step, patches, patch, overflow, lane)
         work = functions.compute_edges(context, state, start.first, start.second, start.upcoming)
         vertex = own.patch_vertex(context, work, model, state, item)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         wait_for_block()
         # all that need not wait for contact forces
-        known = prefetch(state, colliders, contact, vertex.index, wp.vec3d(vertex.position), patch.item, item)
+        known = own.prefetch(state, colliders, contact, vertex.index, wp.vec3d(vertex.position), patch.item, item)
         load = types.vec4()
         if lane < patch.owned_count:
             load = functions.vertex_load(context, lane, edges, triangles)
         arrived = await_blocks(contact.blocks.done, signalling)
         if lane < patch.owned_count:
-            move_vertex(state, step, colliders, contact, known, load, vertex, position_out, displacement_out)
+            own.move_vertex(state, step, colliders, contact, known, load, vertex, position_out, displacement_out)
         leave_blocks(contact.blocks.done, signalling, waiting, arrived)
 
     return advance_in_contact

@@ -22,6 +22,7 @@ from measured import Figures, add_write_option
 from warp_cloth.base.device import device_named
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.export.plots import figure_class
+from warp_cloth.report.rows import wrote_rows
 
 
 def add_figures(figures: Figures, found: Sequence[Outcome]) -> None:
@@ -49,7 +50,7 @@ def main(arguments: list[str] | None = None) -> int:
     device = device_named(options.device)
     found = run_extremes(device, lambda line: print(line, flush=True), options.only or GROUPS)
     paths = save_extremes(found, options.out, plots=options.plots)
-    print("\n".join([*extremes_lines(found), *(f"  wrote {path}" for path in paths)]))
+    print("\n".join([*extremes_lines(found), *wrote_rows(paths)]))
     with Figures(__file__, options, device=device) as figures:
         add_figures(figures, found)
     return int(not all(outcome.kept for outcome in found))

@@ -21,6 +21,7 @@ from methods_study import LEVELS, Measurement, MethodStudy, Run
 from warp_cloth.base.device import device_named
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.export.plots import figure_class
+from warp_cloth.report.rows import wrote_rows
 
 
 def add_figures(figures: Figures, runs: list[Run]) -> None:
@@ -60,7 +61,7 @@ def main(arguments: list[str] | None = None) -> None:
     study = MethodStudy(options.out / "methods.jsonl", device, lambda line: print(line, flush=True), options.processes)
     runs = study.run(options.only or GROUPS)
     paths = save_methods(runs, options.out, plots=options.plots)
-    print("\n".join([*methods_lines(runs), *(f"  wrote {path}" for path in paths)]))
+    print("\n".join([*methods_lines(runs), *wrote_rows(paths)]))
     with Figures(__file__, options, device=device) as figures:
         add_figures(figures, runs)
 

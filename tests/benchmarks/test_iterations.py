@@ -2,7 +2,7 @@
 
     pytest tests/benchmarks --benchmark-only
 
-Each round is a burst of BURST iterations. Beside pytest-benchmark's table there are lines ``name value``:
+Each round is a burst of BURST iterations. Besides pytest-benchmark's table it prints lines ``name value``:
 microseconds per iteration, vertex-iterations per second, and the compulsory bytes of an iteration per second as a
 share of what the device copies per second (above 1 where a processor's caches hold the garment). They are what
 --benchmark-json saves as ``extra_info``, too.

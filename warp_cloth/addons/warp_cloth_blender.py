@@ -219,7 +219,7 @@ def _set_shape_key(garment, points):
 
 
 def _set_cache(context, garment, frames):
-    """A point cache beside the .blend file, or in Blender's own folder while there is none; played from the start."""
+    """A point cache next to the .blend file, or in Blender's own folder while there is none; played from the start."""
     folder = Path(bpy.path.abspath("//") or bpy.app.tempdir) / NAME
     folder.mkdir(exist_ok=True)
     path = folder / f"{bpy.path.clean_name(garment.name)}.pc2"

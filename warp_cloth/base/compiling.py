@@ -42,7 +42,7 @@ def load_modules(modules: Sequence[Any], device: str) -> None:
             wp.force_load(device, modules=modules, max_workers=0)
 
 
-class _Build(NamedTuple):
+class Build(NamedTuple):
     """A module that is to be compiled for the CPU, and where to."""
 
     module: Any
@@ -57,7 +57,7 @@ class _Build(NamedTuple):
         self.module._compile(wp.get_device("cpu"), self.folder, self.name, None, options=options)
 
 
-def _missing(modules: Sequence[Any]) -> list[_Build]:
+def missing_builds(modules: Sequence[Any]) -> list[Build]:
     """What Warp's cache lacks; nothing where this Warp does not tell, as it is another one than 1.19."""
     import warp as wp
     from warp._src import context
@@ -70,7 +70,7 @@ def _missing(modules: Sequence[Any]) -> list[_Build]:
             folder = os.path.join(wp.config.kernel_cache_dir, module.get_module_identifier(block_dim))
             name = module._get_compile_output_name(device, block_dim=block_dim)
             if not os.path.exists(os.path.join(folder, name)):
-                builds.append(_Build(module, block_dim, folder, name))
+                builds.append(Build(module, block_dim, folder, name))
     return builds
 
 
@@ -80,18 +80,18 @@ def compile_for_cpu(modules: Sequence[Any], on_begin: Callable[[], None] = lambd
     ``on_begin`` is called where there is anything to compile.
     """
     count = min(core_count(), MOST)
-    builds = _missing(modules) if count > 1 else []
+    builds = missing_builds(modules) if count > 1 else []
     if len(builds) < FEW:
         return
     on_begin()
-    with _compiled_by(_compilers(os.getpid(), count).build), ThreadPoolExecutor(2 * count) as threads:
+    with compiled_by(_compilers(os.getpid(), count).build), ThreadPoolExecutor(2 * count) as threads:
         for ended in [threads.submit(build.run) for build in builds]:
             with contextlib.suppress(Exception):  # raised again, and told, when it is loaded
                 ended.result()
 
 
 @contextlib.contextmanager
-def _compiled_by(build: Callable[..., None]) -> Iterator[None]:
+def compiled_by(build: Callable[..., None]) -> Iterator[None]:
     """Lets Warp call ``build`` in place of its own compiler, which that gets as its first argument."""
     from warp._src import build as compiler
 

@@ -12,7 +12,7 @@ import warp as wp
 from warp_cloth.avatar.contact import MARGIN
 from warp_cloth.avatar.exact import tree_bytes
 from warp_cloth.avatar.field import GRIDS_AT_ONCE, LEAST_SPACING, PIXELS_PER_SPACING
-from warp_cloth.fitting.problem import contact_key
+from warp_cloth.fitting.avatar_contacts import contact_key
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.plan import contact_kind
 from warp_cloth.scene import Scene

@@ -8,6 +8,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsed
 from warp_cloth.base.progress_line import ProgressLine
 from warp_cloth.batch.run import BatchProgress, BatchReport
 from warp_cloth.loading.raw import counted
+from warp_cloth.report.rows import row
 
 MOST_REASONS = 3  # shown of the items without result, the most frequent
 
@@ -65,15 +66,15 @@ def summary(report: BatchReport) -> list[str]:
     lines = [f"{items} item{'s' * (items != 1)} in {report.progress.seconds:.3g} s: {counts}"]
     if report.worn < items:
         found = ", ".join(f"{count} {code}" for code, count in report.problems.items())
-        lines.append(f"  worn         {report.worn} of {items}" + (f"; problems: {found}" if found else ""))
+        lines.append(row("worn", f"{report.worn} of {items}" + (f"; problems: {found}" if found else "")))
     for reason, names in list(report.reasons.items())[:MOST_REASONS]:
         more = f" and {len(names) - 1:,} more" if len(names) > 1 else ""
-        lines.append(f"  no result    {names[0]}{more}: {reason}")
+        lines.append(row("no result", f"{names[0]}{more}: {reason}"))
     if len(report.reasons) > MOST_REASONS:
         others = len(report.reasons) - MOST_REASONS
         lines.append(f"  and {counted(others, 'more reason')}, in the column message")
     sheet = f", {report.sheet.name}" if report.sheet is not None else ""
-    lines.append(f"  wrote        {report.folder / 'results.parquet'}, results.csv{sheet}")
+    lines.append(row("wrote", f"{report.folder / 'results.parquet'}, results.csv{sheet}"))
     for reason, count in report.unwritten.items():
         lines.append(f"  {counted(count, 'item')} not done: {reason}; run the same command again to continue")
     return lines

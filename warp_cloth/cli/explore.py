@@ -15,6 +15,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device
 from warp_cloth.cli.terminal import can_plot, one_line_errors, output_folder
+from warp_cloth.report.rows import note_rows, wrote_rows
 
 
 def scenes() -> None:
@@ -79,7 +80,7 @@ def pattern(
             drawn = (draw if is_drafted(file) else _draw_panels)(file, name, out, 1e-3 * edge)
     vertices = f", {counted(drawn.vertices, 'vertex')} at {edge:g} mm" if drawn.vertices else ""
     typer.echo(f"{name}: {counted(drawn.panels, 'panel')}, {counted(drawn.seams, 'seam')}{vertices}")
-    for line in [*(f"  note {note}" for note in drawn.notes), *(f"  wrote {path}" for path in drawn.paths)]:
+    for line in [*note_rows(drawn.notes), *wrote_rows(drawn.paths)]:
         typer.echo(line)
 
 
@@ -161,7 +162,7 @@ def avatar(
             lines, paths = _compare_colliders(body, device, out, changes or [], plots)
         else:
             lines, paths = _understand(body, measures, device, out, changes or [])
-    for line in [*lines, *(f"  wrote {path}" for path in paths)]:
+    for line in [*lines, *wrote_rows(paths)]:
         typer.echo(line)
 
 

@@ -10,7 +10,10 @@ import typer
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.cli.drape_options import DrapeTest
+from warp_cloth.cli.options import with_options_of
 from warp_cloth.cli.terminal import can_plot, one_line_errors, output_folder
+from warp_cloth.report.rows import wrote_rows
 
 Lines = tuple[list[str], list[Path]]  # to print, and the files written
 
@@ -34,24 +37,9 @@ Rings = Annotated[
     typer.Option(help="Rings of vertices in a draped disc; 140 make 46,471 vertices.", show_default="30"),
 ]
 Discs = Annotated[int | None, typer.Option(help="Number of discs to drape.", show_default="6")]
-# of a fabric that is made from its drape
-Photograph = Annotated[
-    Path | None, typer.Option(metavar="PHOTO...", help="Make a fabric from photographs of its drape, from above.")
-]
-Coefficient = Annotated[float | None, typer.Option(help="Make a fabric from a measured drape coefficient, in %.")]
-Folds = Annotated[int | None, typer.Option(help="With --drape-coefficient: folds that were counted.")]
-Weight = Annotated[float | None, typer.Option(help="Weight of the fabric to make, in g/m2.")]
-Base = Annotated[str | None, typer.Option(help="Fabric of the same class: stretch and shear are taken from it.")]
-Support = Annotated[float, typer.Option(help="Diameter of the support, and of the plate on it, in mm.")]
-Disc = Annotated[float, typer.Option(help="Diameter of the disc of cloth, in mm.")]
-Warp = Annotated[float, typer.Option(help="Direction of the warp in the photographs, from right, counter-clockwise.")]
-Scale = Annotated[float | None, typer.Option(help="Scale of the photographs.", show_default="from the plate's edge")]
-Camera = Annotated[
-    float | None,
-    typer.Option(help="Distance of the camera from the plate.", show_default="from the photograph's EXIF data"),
-]
 
 
+@with_options_of(DrapeTest)
 def fabric(
     fabric: Names = None,
     device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N.")] = "cpu",
@@ -59,16 +47,8 @@ def fabric(
     plots: Annotated[bool, typer.Option(help="Plot the curves (needs matplotlib).")] = True,
     rings: Rings = None,
     discs: Discs = None,
-    from_drape: Photograph = None,
-    drape_coefficient: Coefficient = None,
-    folds: Folds = None,
-    weight_gsm: Weight = None,
-    base: Base = None,
-    support_mm: Support = 180.0,
-    disc_mm: Disc = 300.0,
-    warp_degrees: Warp = 90.0,
-    mm_per_pixel: Scale = None,
-    camera_mm: Camera = None,
+    *,
+    drape: DrapeTest,
 ) -> None:
     """Test a fabric the way a textile laboratory does; or make one from photographs or figures of its drape.
 
@@ -81,15 +61,10 @@ def fabric(
     """
     names = fabric or []
     with one_line_errors():
-        from warp_cloth.cli.made_fabric import DrapeTest, comparison, make_fabric
+        from warp_cloth.cli.made_fabric import comparison, make_fabric
 
-        if from_drape is not None or drape_coefficient is not None:
-            photographs = [] if from_drape is None else [from_drape, *map(Path, names)]
-            test = DrapeTest(
-                photographs, drape_coefficient, folds, weight_gsm, base,
-                support_mm, disc_mm, warp_degrees, mm_per_pixel, camera_mm,
-            )  # fmt: skip
-            lines, paths = make_fabric(test, out or Path("made.toml"), device)
+        if drape.makes_fabric:
+            lines, paths = make_fabric(drape, names, out or Path("made.toml"), device)
         elif names[:1] == ["compare"]:
             lines, paths = comparison(names[1:]), []
         elif len(names) != 1:
@@ -97,7 +72,7 @@ def fabric(
             raise InputError("fabric", problem, "or compare and two of them; or --from-drape, or --drape-coefficient")
         else:
             lines, paths = _tested(names[0], device, out or Path("out"), plots, rings, discs)
-    for line in [*lines, *(f"  wrote {path}" for path in paths)]:
+    for line in [*lines, *wrote_rows(paths)]:
         typer.echo(line)
 
 

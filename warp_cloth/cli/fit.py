@@ -145,6 +145,7 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
     """A fit in a few lines: its message, the certificate's main figures, the files written."""
     from warp_cloth.report.notes import notes_of
     from warp_cloth.report.numbers import shown_choice
+    from warp_cloth.report.rows import row, wrote_rows
     from warp_cloth.report.shown import ease_lines, fitted_lines, shown_verdict
 
     residual, strain = report.get("residual") or {}, report.get("strain") or {}
@@ -169,8 +170,7 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
     chosen = [f"{choice['key']} = {shown_choice(choice['value'])}" for choice in report.get("choices") or ()]
     rows.append(("chosen", ", ".join(chosen)))
     rows += [("note", note) for note in notes_of(report)]
-    lines += [f"  {label:<12} {text}" for label, text in rows if text]
-    return lines + [f"  wrote        {path}" for path in paths]
+    return [*lines, *(row(label, text) for label, text in rows if text), *wrote_rows(paths)]
 
 
 def _percents(strains: Mapping[str, Any]) -> dict[str, Any]:

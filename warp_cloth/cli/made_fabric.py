@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import sys
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.cli.drape_options import DrapeTest
 from warp_cloth.cli.terminal import output_folder
 from warp_cloth.material.fabric import Fabric, resolve_fabric
 from warp_cloth.material.laboratory import (
@@ -19,43 +20,19 @@ from warp_cloth.material.laboratory import (
     bending_length,
     rigidity_of_bending,
 )
+from warp_cloth.report.rows import note_rows
 
-BOUNDS = {  # of the options, beyond which they are mistaken units
-    "--weight-gsm": (5.0, 5000.0),
-    "--support-mm": (20.0, 2000.0),
-    "--disc-mm": (30.0, 4000.0),
-    "--warp-degrees": (-360.0, 360.0),
-    "--mm-per-pixel": (1e-3, 10.0),
-    "--camera-mm": (200.0, 1e5),
-    "--drape-coefficient": (1.0, 100.0),
-    "--folds": (1.0, 30.0),
-}
 MOST_PHOTOGRAPHS = 100
 
 
-@dataclass(frozen=True)
-class DrapeTest:
-    """What the command line says of a drape test."""
-
-    photographs: list[Path]
-    coefficient: float | None
-    folds: int | None
-    weight_gsm: float | None
-    base: str | None
-    support_mm: float
-    disc_mm: float
-    warp_degrees: float
-    mm_per_pixel: float | None
-    camera_mm: float | None
-
-
-def make_fabric(test: DrapeTest, out: Path, device: str) -> tuple[list[str], list[Path]]:
-    """Lines to print and files written of a fabric that is made from a drape test.
+def make_fabric(test: DrapeTest, further: Sequence[str], out: Path, device: str) -> tuple[list[str], list[Path]]:
+    """Lines to print and files written of a fabric that is made from a drape test; ``further`` photographs of it.
 
     Raises:
         InputError: an option or a photograph is wrong.
     """
-    _check(test, out)
+    photographs = [] if test.from_drape is None else [test.from_drape, *map(Path, further)]
+    _check(test, photographs, out)
     known = _known(test.base)
     fabric = replace(known, name=out.stem, weight=1e-3 * (test.weight_gsm or 0.0))
     with output_folder(out.parent, out.stem):
@@ -76,12 +53,12 @@ def make_fabric(test: DrapeTest, out: Path, device: str) -> tuple[list[str], lis
         def progress(text: str) -> None:
             print(text, file=sys.stderr)
 
-        readings = [read_drape(path, setting) for path in test.photographs]
+        readings = [read_drape(path, setting) for path in photographs]
         if readings:
             made = fabric_of_readings(readings, fabric, setting, device=where, rest_error=rest_error, progress=progress)
         else:
             made = fabric_of_numbers(
-                test.coefficient or 0.0,
+                test.drape_coefficient or 0.0,
                 test.folds,
                 fabric,
                 setting,
@@ -98,7 +75,7 @@ def make_fabric(test: DrapeTest, out: Path, device: str) -> tuple[list[str], lis
                 f"{shape.folds} folds, {min(depths):.0f} to {max(depths):.0f} mm deep, "
                 f"elongation along the warp {shape.elongation:+.3f}"
             )
-            lines += [f"  note {note}" for note in reading.notes]
+            lines += note_rows(reading.notes)
         warp, weft = rigidities(made.fabric, made.estimate, setting.support)
         mean_error, error = (100.0 * value for value in made.rigidity_errors)
         lines.append(
@@ -106,13 +83,13 @@ def make_fabric(test: DrapeTest, out: Path, device: str) -> tuple[list[str], lis
             f"+- {error:.0f} % each, +- {mean_error:.0f} % in the mean"
         )
         if test.base is None:
-            lines.append("  note stretch and shear are the generic fabric's; --base NAME takes those of a like cloth")
-        lines += [f"  note {note}" for note in made.notes]
-        return lines, save_fabric(made, readings, setting, _source(test, known), out)
+            lines += note_rows(["stretch and shear are the generic fabric's; --base NAME takes those of a like cloth"])
+        lines += note_rows(made.notes)
+        return lines, save_fabric(made, readings, setting, _source(test, photographs, known), out)
 
 
-def _source(test: DrapeTest, base: Fabric) -> str:
-    seen = ", ".join(path.name for path in test.photographs) or f"drape coefficient {test.coefficient:g} %"
+def _source(test: DrapeTest, photographs: Sequence[Path], base: Fabric) -> str:
+    seen = ", ".join(path.name for path in photographs) or f"drape coefficient {test.drape_coefficient:g} %"
     return f"warp-cloth fabric from {seen}; stretch, shear, thickness and friction of {base.name}"
 
 
@@ -123,31 +100,12 @@ def _known(name: str | None) -> Fabric:
         raise InputError(error.place or "--base", error.problem, error.remedy) from None
 
 
-def _check(test: DrapeTest, out: Path) -> None:
-    if test.photographs and test.coefficient is not None:
-        raise InputError("--drape-coefficient", "is given with photographs", "give one of them")
-    if test.folds is not None and test.photographs:
-        raise InputError("--folds", "is given with photographs, which show them", "remove it")
-    if test.weight_gsm is None:
-        raise InputError("--weight-gsm", "is missing: a drape tells bending over weight", "weigh the disc")
-    if len(test.photographs) > MOST_PHOTOGRAPHS:
+def _check(test: DrapeTest, photographs: Sequence[Path], out: Path) -> None:
+    test.check()
+    if len(photographs) > MOST_PHOTOGRAPHS:
         raise InputError("--from-drape", f"takes at most {MOST_PHOTOGRAPHS} photographs", "leave some out")
     if out.suffix.lower() != ".toml":
         raise InputError("--out", f"must be a fabric file, NAME.toml, not {out.name!r}", "for instance mine.toml")
-    values = {
-        "--weight-gsm": test.weight_gsm,
-        "--support-mm": test.support_mm,
-        "--disc-mm": test.disc_mm,
-        "--warp-degrees": test.warp_degrees,
-        "--mm-per-pixel": test.mm_per_pixel,
-        "--camera-mm": test.camera_mm,
-        "--drape-coefficient": test.coefficient,
-        "--folds": test.folds,
-    }
-    for option, value in values.items():
-        low, high = BOUNDS[option]
-        if value is not None and not (low <= value <= high and math.isfinite(value)):
-            raise InputError(option, f"must be a number from {low:g} to {high:g}, not {value:g}")
 
 
 def comparison(names: list[str]) -> list[str]:

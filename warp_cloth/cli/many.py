@@ -11,6 +11,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Device, FabricName, Maps, On
 from warp_cloth.cli.terminal import BAD_INPUT, NOT_WORN, made, one_line_errors, output_folder
+from warp_cloth.report.rows import wrote_rows
 
 LARGEST_EASE = 200.0  # [cm]; a tent has less
 
@@ -141,6 +142,7 @@ def sizes(
     for each in run.sizes:
         typer.echo(f"{each.size:<4} {each.verdict.words:<16} {each.figures}")
     typer.echo(run.advice)
-    typer.echo(f"  wrote        {', '.join(str(path) for path in paths)}")
+    for line in wrote_rows(paths):
+        typer.echo(line)
     if all(each.status == "invalid" for each in run.sizes):
         raise typer.Exit(1)

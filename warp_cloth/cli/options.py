@@ -1,8 +1,11 @@
-"""Options that several commands share."""
+"""Options that several commands share, and options that a command takes together."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Annotated, Any
 
 import typer
 
@@ -34,3 +37,23 @@ Changes = Annotated[
 Maps = Annotated[
     str, typer.Option(help="Fit maps, separated by commas: strain, pressure, gap, a single one (strain_warp), or all.")
 ]
+
+
+def with_options_of(group: type[Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Makes an option of each field of a dataclass, which a command takes as its last argument."""
+    fields = inspect.signature(group, eval_str=True).parameters
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        *own, taken = inspect.signature(command, eval_str=True).parameters.values()
+
+        @functools.wraps(command)
+        def run(**options: Any) -> None:
+            together = group(**{name: options.pop(name) for name in fields})
+            command(**options, **{taken.name: together})
+
+        parameters = [*own, *fields.values()]
+        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        run.__annotations__ = {each.name: each.annotation for each in parameters}
+        return run
+
+    return decorate

@@ -13,6 +13,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device, FabricName, On
 from warp_cloth.cli.terminal import one_line_errors, output_folder
+from warp_cloth.report.rows import note_rows, wrote_rows
 
 
 def compare(
@@ -38,8 +39,7 @@ def compare(
 
             found = compare_fits(*fits)
             paths = save_comparison(found, fits, out)
-    notes = [f"  note {note}" for note in found.notes]
-    for line in [*comparison_lines(found, fits), *notes, *(f"  wrote {path}" for path in paths)]:
+    for line in [*comparison_lines(found, fits), *note_rows(found.notes), *wrote_rows(paths)]:
         typer.echo(line)
 
 

@@ -12,6 +12,7 @@ import typer
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device, FabricName, On, SceneName
 from warp_cloth.cli.terminal import INTERRUPTED, can_plot, one_line_errors, output_folder
+from warp_cloth.report.rows import wrote_rows
 
 
 def plan(
@@ -50,7 +51,7 @@ def plan(
         lines = plan_lines(chosen.name, terms, cost, saved)
         if out is not None:
             write_plan(out, terms, cost, saved)
-            lines.append(f"  wrote {out}")
+            lines += wrote_rows([out])
     _show(lines, typer.echo)
 
 
@@ -99,7 +100,7 @@ def tradeoff(
                 print(f"interrupted{remedy}", file=sys.stderr)
                 raise typer.Exit(INTERRUPTED) from None
             paths = save_trade(trade, out, plots=plots)
-    _show([*trade_lines(trade), *(f"  wrote {path}" for path in paths)], typer.echo)
+    _show([*trade_lines(trade), *wrote_rows(paths)], typer.echo)
 
 
 def _show(lines: Sequence[str], say: Callable[[str], None]) -> None:

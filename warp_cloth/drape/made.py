@@ -48,6 +48,27 @@ class MadeFabric:
         return 3.0 * self.estimate.length_error, 3.0 * float(one)
 
 
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """What was measured of the drapes of one fabric, N of them."""
+
+    coefficients: np.ndarray  # [%], shape [N]
+    errors: np.ndarray  # one standard deviation of each [points], shape [N]
+    elongations: np.ndarray | None  # along the warp, shape [N]; None: not seen
+    starts: Sequence[np.ndarray]  # outlines with the folds that simulations begin with
+    place: str  # where it was measured, for errors
+
+    def estimate(self, drapes: Drapes, rest_error: float) -> BendingEstimate:
+        """The table's."""
+        return estimate(drapes, self.coefficients, self.errors, self.elongations, self.place, rest_error=rest_error)
+
+    @property
+    def goal(self) -> float:
+        """Mean drape coefficient of those that are simulated [%]."""
+        seen = self.coefficients[: len(self.starts)] if len(self.coefficients) > 1 else self.coefficients
+        return float(seen.mean())
+
+
 def fabric_of_readings(
     readings: Sequence[DrapeReading],
     base: Fabric,
@@ -63,20 +84,20 @@ def fabric_of_readings(
     Raises:
         InputError: no cloth drapes so.
     """
-    drapes = drapes_of_ratio(setting.ratio)
-    coefficients = np.array([reading.coefficient for reading in readings])
-    errors = np.array([reading.error for reading in readings])
-    elongations = np.array([reading.outline.elongation for reading in readings])
-    found = estimate(drapes, coefficients, errors, elongations, str(readings[0].photograph.path), rest_error=rest_error)
-    starts = [start_of_outline(reading.outline) for reading in readings][:SIMULATED]
+    drapes, outlines = drapes_of_ratio(setting.ratio), [reading.outline for reading in readings]
+    measured = _Measured(
+        np.array([reading.coefficient for reading in readings]),
+        np.array([reading.error for reading in readings]),
+        np.array([outline.elongation for outline in outlines]),
+        [start_of_outline(outline) for outline in outlines][:SIMULATED],
+        str(readings[0].photograph.path),
+    )
+    found = measured.estimate(drapes, rest_error)
     simulated: list[SimulatedDrape] = []
     if refine:
-        found, simulated = _refine(found, drapes, base, setting, starts, coefficients, elongations, device, progress)
-    notes = _doubts(drapes, coefficients, simulated, [reading.outline for reading in readings])
-    fabric = _fabric(base, found, setting)
-    return MadeFabric(
-        fabric, found, float(coefficients.mean()), float(np.sqrt(np.mean(errors**2))), tuple(simulated), notes
-    )
+        found, simulated = _refined(found, measured, drapes, base, setting, device, progress)
+    notes = _doubts(drapes, measured.coefficients, simulated, outlines)
+    return _made(measured, found, base, setting, simulated, notes)
 
 
 def fabric_of_numbers(
@@ -95,29 +116,40 @@ def fabric_of_numbers(
         InputError: no cloth drapes so.
     """
     drapes = drapes_of_ratio(setting.ratio)
-    found = estimate(
-        drapes, np.array([coefficient]), np.array([0.0]), None, "--drape-coefficient", rest_error=rest_error
-    )
     turn = 2.0 * np.pi * np.arange(ANGLES) / ANGLES
     starts = [random_start(seed) for seed in range(2)]
     if folds is not None:
         starts = [4e-3 * np.cos(folds * turn + phase) for phase in (0.0, 0.5)]
-    found, simulated = _refine(found, drapes, base, setting, starts, np.array([coefficient]), None, device, progress)
-    notes = [*_doubts(drapes, np.array([coefficient]), [], [])]
+    measured = _Measured(np.array([coefficient]), np.array([0.0]), None, starts, "--drape-coefficient")
+    found = measured.estimate(drapes, rest_error)
+    found, simulated = _refined(found, measured, drapes, base, setting, device, progress)
+    notes = _doubts(drapes, measured.coefficients, [], [])
     shown = float(np.mean([drape.outline.folds for drape in simulated]))
     if folds is not None and abs(shown - folds) > FOLDS_APART:
-        notes.append(f"{folds} folds were counted, {shown:.0f} were simulated: check the sizes of disc and support")
-    return MadeFabric(_fabric(base, found, setting), found, coefficient, 0.0, tuple(simulated), tuple(notes))
+        told = f"{folds} folds were counted, {shown:.0f} were simulated: check the sizes of disc and support"
+        notes = (*notes, told)
+    return _made(measured, found, base, setting, simulated, notes)
 
 
-def _refine(
+def _made(
+    measured: _Measured,
     found: BendingEstimate,
+    base: Fabric,
+    setting: Setting,
+    simulated: Sequence[SimulatedDrape],
+    notes: tuple[str, ...],
+) -> MadeFabric:
+    error = float(np.sqrt(np.mean(measured.errors**2)))
+    fabric, coefficient = _fabric(base, found, setting), float(measured.coefficients.mean())
+    return MadeFabric(fabric, found, coefficient, error, tuple(simulated), notes)
+
+
+def _refined(
+    found: BendingEstimate,
+    measured: _Measured,
     drapes: Drapes,
     base: Fabric,
     setting: Setting,
-    starts: Sequence[np.ndarray],
-    coefficients: np.ndarray,
-    elongations: np.ndarray | None,
     device: str,
     progress: Callable[[str], None],
 ) -> tuple[BendingEstimate, list[SimulatedDrape]]:
@@ -125,7 +157,7 @@ def _refine(
 
     Each is simulated on meshes of its own, or what one mesh favours would be taken for the cloth's.
     """
-    goal = float(coefficients[: len(starts)].mean()) if len(coefficients) > 1 else float(coefficients[0])
+    starts, elongations = measured.starts, measured.elongations
     copies = -(-FEWEST_SIMULATED // len(starts))
     best: tuple[float, BendingEstimate, list[SimulatedDrape]] | None = None
     trial = found
@@ -134,7 +166,7 @@ def _refine(
         fabric = _fabric(base, trial, setting)
         trials = [Trial(fabric, start, seed) for seed, start in enumerate([*starts] * copies)]
         simulated = simulate(trials, setting.support, setting.ratio, device=device)
-        missed = goal - float(np.mean([each.outline.coefficient(setting.ratio) for each in simulated]))
+        missed = measured.goal - float(np.mean([each.outline.coefficient(setting.ratio) for each in simulated]))
         if elongations is not None:
             shown = float(np.mean([each.outline.elongation for each in simulated]))
             off = float(elongations[: len(starts)].mean()) - shown

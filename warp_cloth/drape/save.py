@@ -48,7 +48,7 @@ def fabric_toml(made: MadeFabric, setting: Setting, source: str) -> str:
 def save_fabric(
     made: MadeFabric, readings: Sequence[DrapeReading], setting: Setting, source: str, out: Path
 ) -> list[Path]:
-    """Writes the fabric file and, of photographs, the picture beside it; returns what was written."""
+    """Writes the fabric file and, of photographs, its picture next to it; returns what was written."""
     paths = [out]
     with whole_file(out) as place:
         place.write_text(fabric_toml(made, setting, source), encoding="utf-8")

@@ -9,15 +9,16 @@ from warp_cloth.anatomy.person import Person
 from warp_cloth.anatomy.skeleton import LIMBS
 from warp_cloth.export.body_picture import write_body_picture
 from warp_cloth.export.report import write_report
+from warp_cloth.report.rows import note_rows, row
 
 INCH = 0.0254  # [m]
 
 
 def body_lines(person: Person, with_measures: bool) -> list[str]:
     """What is printed: pose and limbs, or why there are none; and the measures in centimetres and inches."""
-    lines = [f"{person.body.name}: {body_sentence(person)}", *(f"  note: {note}" for note in person.body.notes)]
+    lines = [f"{person.body.name}: {body_sentence(person)}", *note_rows(person.body.notes)]
     if person.skeleton is not None:
-        lines.append(f"  found: {', '.join(LIMBS)}")
+        lines.append(row("found", ", ".join(LIMBS)))
     if with_measures and person.measures:
         lines.append(f"  {'measure':<18} {'cm':>6} {'in':>6}")
         for each in person.measures:

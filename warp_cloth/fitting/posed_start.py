@@ -125,8 +125,7 @@ def _alone(scene: Scene, outfit: Outfit, index: int) -> tuple[Scene, Outfit]:
 def _sewn_and_carried(
     scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock, watching: bool, lifted: bool
 ) -> _PosedStart:
-    dressing = _Dressing(scene, outfit, device, offset, clock)
-    dressing.shapes = [] if watching else None
+    dressing = _Dressing(scene, outfit, device, offset, clock, watching=watching)
     dressing.sew()
     if lifted or dressing.wearing.hangs_from_waist:
         dressing.lift()
@@ -143,7 +142,9 @@ def _sewn_and_carried(
 class _Dressing:
     """A garment that is sewn round the posed avatar and carried home."""
 
-    def __init__(self, scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock) -> None:
+    def __init__(
+        self, scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock, *, watching: bool
+    ) -> None:
         (wearing,), avatar = outfit.wearing, outfit.avatar
         if wearing is None or avatar is None:
             raise ValueError("the garment has no openings, or the avatar no limbs")
@@ -169,7 +170,7 @@ class _Dressing:
         self._collider = _BodyCollider(avatar.triangles, device, offset)
         self._meet_body()
         self._iterations = 0
-        self.shapes: list[DressedShape] | None = None  # on the way; None: nobody watches
+        self._shapes: list[DressedShape] | None = [] if watching else None  # on the way; None: nobody watches
 
     @cached_property
     def _no_sleeves(self) -> list[Indices]:
@@ -265,7 +266,7 @@ class _Dressing:
         points = self._points
         is_finite = bool(np.isfinite(points).all())
         run = LevelRun(len(points), self._iterations, Status.ITERATION_LIMIT if is_finite else Status.DIVERGED)
-        return _PosedStart(points if is_finite else None, run, tuple(self.shapes or ()))
+        return _PosedStart(points if is_finite else None, run, tuple(self._shapes or ()))
 
     @property
     def _points(self) -> Points:
@@ -291,9 +292,9 @@ class _Dressing:
         self._iterations += count
         if problem.schedule is not None:
             problem.schedule.advance(self._iterations)
-        if self.shapes is not None:
+        if self._shapes is not None:
             shape = DressedShape(self._surface.astype(np.float32), self._points.astype(np.float32))
-            self.shapes.append(shape)
+            self._shapes.append(shape)
 
 
 def _thickness(done: float) -> float:

@@ -179,7 +179,7 @@ def _stretch_of_formability(key: str, value: Any, values: Mapping[str, Any], wei
     if not isinstance(bending, float) or not bending > 0.0:
         direction = FORMABILITIES[key].rpartition("_")[2]
         remedy = f"give bending_length_{direction}_mm or bending_B_{direction}"
-        raise InputError(key, "needs the bending of the same direction beside it", remedy)
+        raise InputError(key, "needs the bending of the same direction, too", remedy)
     extension = 14.7 * formability / (1e6 * rigidity_of_bending(bending, weight))  # [%]
     return FAST_FORCE / (1e-2 * extension) ** 2
 

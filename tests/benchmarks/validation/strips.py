@@ -1,4 +1,4 @@
-"""Strips of cloth, simulated: regular and irregular meshes, held at one or both ends, beside the elastica's line."""
+"""Strips of cloth, simulated: regular and irregular meshes, held at one or both ends, against the elastica's line."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ Read = Callable[[Shape], dict[str, float]]  # a case's figures of a line
 
 def run_cases(script: str, cases: dict[str, Strip], read: Read) -> None:
     """The command of a case's script: simulates on all meshes, prints errors [%] and the order of convergence."""
-    parser = argparse.ArgumentParser(description=f"Strips beside the heavy elastica: {', '.join(cases)}.")
+    parser = argparse.ArgumentParser(description=f"Strips against the heavy elastica: {', '.join(cases)}.")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--method", default="multilevel")
     parser.add_argument("--per-length", type=int, nargs="+", default=PER_LENGTH, help="elements a bending length")
