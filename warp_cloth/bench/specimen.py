@@ -59,10 +59,13 @@ class Specimens:
         weightless: bool = True,
         device: str = "cpu",
         options: StepOptions | None = None,
+        collider: Collider | None = None,
     ) -> None:
+        """``collider``: of a body without friction that they lie on; None: there is none."""
         self.count = len(pieces)
         self.model = build_model(pieces, device=device, precision="mixed", garment_counts=[1] * self.count)
-        self._relaxation = build_relaxation(options or StepOptions(), self.model, [Collider()] * self.count, pieces)
+        colliders = [collider or Collider()] * self.count
+        self._relaxation = build_relaxation(options or StepOptions(), self.model, colliders, pieces)
         if weightless:
             self._relaxation.step.gravity = cloth_types("mixed").vec3(0.0, 0.0, 0.0)
         self._certifier: Certifier | None = None
@@ -119,11 +122,12 @@ class Specimen(Specimens):
         options: StepOptions | None = None,
         count: int = 1,
         laid: Floats | None = None,
+        collider: Collider | None = None,
     ) -> None:
         self.mesh, self.clamped = mesh, clamped
         own = piece(mesh, fabric, clamped, grain_degrees=grain_degrees, laid=laid)
         self.rest = own.rest
-        super().__init__([own] * count, weightless=weightless, device=device, options=options)
+        super().__init__([own] * count, weightless=weightless, device=device, options=options, collider=collider)
 
     def settle(self, start: Points, tolerance: Tolerance, limit: int, *, near_rest: bool = False) -> Settled:
         """Relaxes from these positions, clamped vertices included; ``near_rest``: they are close to the rest shape."""
