@@ -162,7 +162,7 @@ def test_bake_kernels_compile() -> None:
 
 
 BOUNDS = tuple(each for each in Accumulate if each.is_bound)
-FOLDED = Terms(True, True, True, angles=True, hysteresis=True)
+FOLDED = Terms(True, True, True, angles=True, hysteresis=True, shear_hysteresis=True)
 
 
 def spread(precision: str, *options: Any) -> Iterator[tuple[Any, ...]]:
@@ -193,7 +193,7 @@ def test_force_kernels_compile(precision: str) -> None:
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
-    loaded(measure_tension_kernel(precision), measure_weave_kernel(precision))
+    loaded(measure_tension_kernel(precision), measure_weave_kernel(precision, FOLDED))
     loaded(*(measure_bending_kernel(precision, terms) for terms in (Terms(True, True, True), FOLDED)))
     choices = list(itertools.product((False, True), repeat=2))
     sizes = itertools.cycle(turned(precision, ((True, False, False), (True, True, True), (False, True, False))))

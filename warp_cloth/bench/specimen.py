@@ -18,7 +18,7 @@ from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.rest import GRAVITY, Floats, RestShape, build_rest_shape
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.material.hysteresis import slid
+from warp_cloth.material.hysteresis import Laid, slid, slid_shear
 from warp_cloth.model.model import build_model
 from warp_cloth.solver.certificate.certifier import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
@@ -41,11 +41,14 @@ class Settled:
 
 
 def piece(
-    mesh: Mesh, fabric: Fabric, clamped: Indices, *, grain_degrees: float = 0.0, laid: Floats | None = None
+    mesh: Mesh, fabric: Fabric, clamped: Indices, *, grain_degrees: float = 0.0, laid: Laid | None = None
 ) -> Garment:
-    """A flat piece of a fabric, held at these vertices; ``laid``: angles of its hinges [rad], [H], where not flat."""
+    """A flat piece of a fabric, held at these vertices; ``laid``: where not flat."""
     rest = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(grain_degrees))
-    rest = replace(rest, vertex_weight=weights_by_area(mesh, fabric.weight), hinge_laid=laid)
+    rest = replace(rest, vertex_weight=weights_by_area(mesh, fabric.weight))
+    if laid is not None:
+        yarns = None if rest.yarns is None else replace(rest.yarns, laid=laid.shear)
+        rest = replace(rest, hinge_laid=laid.fold, yarns=yarns)
     return Garment(mesh.points, mesh.triangles, rest, clamped)
 
 
@@ -121,7 +124,7 @@ class Specimen(Specimens):
         device: str = "cpu",
         options: StepOptions | None = None,
         count: int = 1,
-        laid: Floats | None = None,
+        laid: Laid | None = None,
         collider: Collider | None = None,
     ) -> None:
         self.mesh, self.clamped = mesh, clamped
@@ -135,12 +138,15 @@ class Specimen(Specimens):
         return settled
 
 
-def laid_by(rest: RestShape, points: Points) -> Floats | None:
-    """Angles that a piece counts as laid into once it has rested in this shape [rad], shape [H]; None: no friction."""
-    if rest.hinge_slider is None:
-        return None
-    laid = rest.fold_angle if rest.hinge_laid is None else rest.hinge_laid
-    return slid(laid, fold_angles(points, rest.topology), rest.hinge_slider)
+def laid_by(rest: RestShape, points: Points) -> Laid | None:
+    """What a piece counts as laid into once it has rested in this shape; None: it has no friction."""
+    fold, shear = None, None
+    if rest.hinge_slider is not None:
+        laid = rest.fold_angle if rest.hinge_laid is None else rest.hinge_laid
+        fold = slid(laid, fold_angles(points, rest.topology), rest.hinge_slider)
+    if rest.yarns is not None and rest.yarns.friction > 0.0:
+        shear = slid_shear(rest.yarns, rest.yarns.sheared(points))
+    return None if fold is None and shear is None else Laid(fold, shear)
 
 
 def weights_by_area(mesh: Mesh, weight: float) -> Floats:

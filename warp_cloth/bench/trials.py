@@ -20,8 +20,8 @@ from warp_cloth.solver.step_options import StepOptions
 
 if TYPE_CHECKING:
     from warp_cloth.garment.garment import Garment
-    from warp_cloth.garment.rest import Floats
     from warp_cloth.material.fabric import Fabric
+    from warp_cloth.material.hysteresis import Laid
 
 BALANCED = Tolerance(relative_rms=2e-4, relative_p99=2e-3, rest_error=1e-5)  # clamp forces are then exact to 0.1 %
 ITERATIONS = 20_000
@@ -211,7 +211,7 @@ def let_down(
 ) -> list[Drape]:
     """The same discs again, pulled down by HUNG times their weight and let up to their own.
 
-    ``drape`` lays cloth from the flat. Where friction in bending keeps what was laid, these are the other end of the
+    ``drape`` lays cloth from the flat. Where friction keeps what was laid, these are the other end of the
     band in which it may rest; without friction they hang as before.
     """
     heavy = [Hanging(each.mesh, fabric, each.settled.points, load=HUNG) for each in draped]
@@ -258,7 +258,7 @@ class Hanging:
     mesh: Mesh
     fabric: Fabric
     start: Points  # [m], shape [V, 3]
-    laid: Floats | None = None  # angles that its hinges were laid into [rad], shape [H]; None: flat
+    laid: Laid | None = None  # None: flat
     load: float = 1.0  # times its own weight
 
     @cached_property
