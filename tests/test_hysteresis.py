@@ -10,10 +10,11 @@ from cloths import cloth_forces, grid, model_of, without
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.bench.specimen import Specimen, laid_by
+from warp_cloth.bench.specimen import Specimen
 from warp_cloth.bench.swatch import disc, strip
 from warp_cloth.garment.folds import fold_angles
 from warp_cloth.garment.garment import Garment
+from warp_cloth.garment.laid import laid_by
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import Fabric, resolve_fabric
 from warp_cloth.material.hysteresis import Laid, slid

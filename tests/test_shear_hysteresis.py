@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from cloths import cloth_forces, grid, model_of, without
 
-from warp_cloth.bench.specimen import laid_by, piece
+import warp_cloth
+from warp_cloth.base.errors import InputError
+from warp_cloth.bench.specimen import piece
 from warp_cloth.bench.swatch import disc
+from warp_cloth.garment.laid import laid_by
 from warp_cloth.garment.rest import RestShape, build_rest_shape
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.material.constants import CLINGING_SHEAR
@@ -90,3 +93,22 @@ def test_a_fabric_states_2hg_and_without_it_there_is_no_part_of_it() -> None:
     assert not model.weave.shear_hysteresis
     edges = build_rest_shape(MESH, Fabric(shear_friction=1.0), rest="uv")
     assert edges.yarns is None  # whose cloth has no yarns to rub
+
+
+def test_a_fit_tells_both_ends_of_its_band_on_request() -> None:
+    fabric = {"bending_hysteresis_2HB": 0.1, "shear_hysteresis_2HG": 1.0}
+    shape = {"kind": "square", "vertices_per_side": 7, "side": 0.2}
+    scene = {"garment": {"shape": shape, "fabric": fabric, "pin": {"loop": "top"}}}
+    fit = warp_cloth.fit(scene, device="cpu", band=True)
+    (worn,) = fit.garments
+    band = fit.report["friction_band"]
+    assert fit.worn
+    assert (band["status"], band["pulled_down"]) == ("at_rest", "at_rest")
+    assert worn.let_down is not None
+    apart = np.linalg.norm(worn.let_down - worn.points, axis=1)
+    assert band["apart_mm"]["max"] == pytest.approx(1e3 * apart.max())
+    assert apart.max() > 0.0
+    scene["garment"]["fabric"] = {}
+    with pytest.raises(InputError, match="no fabric has friction"):
+        warp_cloth.fit(scene, device="cpu", band=True)
+    assert "friction_band" not in warp_cloth.fit(scene, device="cpu").report

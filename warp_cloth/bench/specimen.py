@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Indices, Mesh, Points
-from warp_cloth.garment.folds import fold_angles
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.grain import Grain
-from warp_cloth.garment.rest import GRAVITY, Floats, RestShape, build_rest_shape
+from warp_cloth.garment.laid import laid_into
+from warp_cloth.garment.rest import GRAVITY, Floats, build_rest_shape
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.material.hysteresis import Laid, slid, slid_shear
+from warp_cloth.material.hysteresis import Laid
 from warp_cloth.model.model import build_model
 from warp_cloth.solver.certificate.certifier import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
@@ -45,10 +45,7 @@ def piece(
 ) -> Garment:
     """A flat piece of a fabric, held at these vertices; ``laid``: where not flat."""
     rest = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(grain_degrees))
-    rest = replace(rest, vertex_weight=weights_by_area(mesh, fabric.weight))
-    if laid is not None:
-        yarns = None if rest.yarns is None else replace(rest.yarns, laid=laid.shear)
-        rest = replace(rest, hinge_laid=laid.fold, yarns=yarns)
+    rest = laid_into(replace(rest, vertex_weight=weights_by_area(mesh, fabric.weight)), laid)
     return Garment(mesh.points, mesh.triangles, rest, clamped)
 
 
@@ -136,17 +133,6 @@ class Specimen(Specimens):
         """Relaxes from these positions, clamped vertices included; ``near_rest``: they are close to the rest shape."""
         (settled,) = self.settle_all([start], tolerance, limit, near_rest=near_rest)
         return settled
-
-
-def laid_by(rest: RestShape, points: Points) -> Laid | None:
-    """What a piece counts as laid into once it has rested in this shape; None: it has no friction."""
-    fold, shear = None, None
-    if rest.hinge_slider is not None:
-        laid = rest.fold_angle if rest.hinge_laid is None else rest.hinge_laid
-        fold = slid(laid, fold_angles(points, rest.topology), rest.hinge_slider)
-    if rest.yarns is not None and rest.yarns.friction > 0.0:
-        shear = slid_shear(rest.yarns, rest.yarns.sheared(points))
-    return None if fold is None and shear is None else Laid(fold, shear)
 
 
 def weights_by_area(mesh: Mesh, weight: float) -> Floats:

@@ -13,8 +13,9 @@ import warp as wp
 from PIL import Image, ImageDraw
 
 from warp_cloth.base.mesh import Indices, Mesh, Points
-from warp_cloth.bench.specimen import Settled, Specimen, Specimens, laid_by, piece
+from warp_cloth.bench.specimen import Settled, Specimen, Specimens, piece
 from warp_cloth.bench.swatch import along, disc, on_finer_disc
+from warp_cloth.garment.laid import HUNG, laid_by
 from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.step_options import StepOptions
 
@@ -33,7 +34,6 @@ SUPPORT_RADIUS = 0.09  # [m], of the support in Cusick's test
 DISC_RADIUS = 0.15  # [m]
 SHADOW_PIXEL = 2.5e-4  # [m]; a disc's shadow is then exact to 0.1 points
 DRAPE_MODES = range(3, 10)  # waves around the disc at the start, 1 mm high: cloth is never perfectly flat
-HUNG = 3.0  # times its weight under which cloth hangs before it is let down
 HANGING = Tolerance(relative_rms=0.002, relative_p99=0.02, rest_error=1e-4)
 DRAPED = Tolerance(relative_rms=0.01, relative_p99=0.05, rest_error=2e-4)  # the shadow is then exact to 0.5 points
 

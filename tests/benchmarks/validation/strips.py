@@ -20,8 +20,9 @@ from measured import Figures, add_write_option
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.bench.specimen import Specimen, laid_by
+from warp_cloth.bench.specimen import Specimen
 from warp_cloth.bench.swatch import strip as regular_strip
+from warp_cloth.garment.laid import laid_by
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.material.hysteresis import Laid
 from warp_cloth.material.laboratory import GRAVITY, bending_of_rigidity
