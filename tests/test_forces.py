@@ -33,7 +33,7 @@ FABRIC = resolve_fabric({"stretch": 20e3, "shear": "edges", "compression": 0.1, 
 WOVEN = replace(FABRIC, stretch_weft=9e3, shear=800.0)
 MESH = grid(5)
 ACCUMULATED = (Accumulate.STIFFNESS, Accumulate.ANISOTROPIC_STIFFNESS, Accumulate.MAGNITUDE)
-TERMS = ("tension", "bending", "both", "woven", "angles", "hysteresis")
+TERMS = ("tension", "bending", "both", "woven", "angles", "hysteresis", "rubbing")
 SHAPES = ("random", "folded", "nearly_flat")
 
 
@@ -60,7 +60,7 @@ def model_with(
     gathers: bool | None = None,
     mesh: Mesh = MESH,
 ) -> ClothModel:
-    fabric = WOVEN if terms == "woven" else FABRIC
+    fabric = WOVEN if terms in ("woven", "rubbing") else FABRIC
     plain = build_rest_shape(MESH, fabric, rest="mesh")
     rest = replace(build_rest_shape(mesh, fabric, rest="mesh"), hinge_stiffness=plain.hinge_stiffness)
     rest = without(rest, tension=terms in ("bending", "angles", "hysteresis"), bending=terms == "tension")
@@ -70,6 +70,9 @@ def model_with(
         laid = np.random.default_rng(9).uniform(-2.5, 2.5, len(rest.hinge_stiffness))
         slider = np.column_stack([rest.hinge_stiffness, np.full(len(laid), 1.0)])
         rest = replace(rest, hinge_slider=slider, hinge_laid=laid)
+    if terms == "rubbing" and rest.yarns is not None:  # likewise
+        laid = np.random.default_rng(9).uniform(-0.3, 0.3, len(rest.yarns.triangles))
+        rest = replace(rest, yarns=replace(rest.yarns, friction=500.0, clinging=0.2, laid=laid))
     model = model_of(mesh, rest, precision=precision, device=device, gathers=gathers)
     model.set_points(points)
     return model

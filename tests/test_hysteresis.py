@@ -10,13 +10,14 @@ from cloths import cloth_forces, grid, model_of, without
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.bench.specimen import Specimen, laid_by
+from warp_cloth.bench.specimen import Specimen
 from warp_cloth.bench.swatch import disc, strip
 from warp_cloth.garment.folds import fold_angles
 from warp_cloth.garment.garment import Garment
+from warp_cloth.garment.laid import laid_by
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import Fabric, resolve_fabric
-from warp_cloth.material.hysteresis import slid
+from warp_cloth.material.hysteresis import Laid, slid
 from warp_cloth.solver.certificate.certifier import Tolerance
 
 C = 0.02  # bending length of the cloth [m]
@@ -90,7 +91,7 @@ def test_a_strip_rests_higher_laid_from_the_flat_than_let_down_from_the_hang() -
     clamped = np.flatnonzero(mesh.points[:, 2] > mesh.points[:, 2].max() - 0.3 * C).astype(np.int32)
     tolerance = Tolerance(relative_rms=1e-3, relative_p99=1e-2, rest_error=5e-5)
 
-    def tip(fabric: Fabric, start: np.ndarray, laid: np.ndarray | None) -> tuple[float, Specimen, np.ndarray]:
+    def tip(fabric: Fabric, start: np.ndarray, laid: Laid | None) -> tuple[float, Specimen, np.ndarray]:
         specimen = Specimen(mesh, fabric, clamped, weightless=False, laid=laid)
         settled = specimen.settle(start, tolerance, 20_000)
         assert settled.check.within(tolerance)

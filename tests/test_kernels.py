@@ -171,7 +171,7 @@ def test_bake_kernels_compile() -> None:
 
 
 BOUNDS = tuple(each for each in Accumulate if each.is_bound)
-FOLDED = Terms(True, True, True, angles=True, hysteresis=True)
+FOLDED = Terms(True, True, True, angles=True, hysteresis=True, shear_hysteresis=True)
 
 
 def spread(precision: str, *options: Any) -> Iterator[tuple[Any, ...]]:
@@ -202,7 +202,7 @@ def test_force_kernels_compile(precision: str) -> None:
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
-    compiled(measure_tension_kernel(precision), measure_weave_kernel(precision))
+    compiled(measure_tension_kernel(precision), measure_weave_kernel(precision, FOLDED))
     compiled(*(measure_bending_kernel(precision, terms) for terms in (Terms(True, True, True), FOLDED)))
     choices = list(itertools.product((False, True), repeat=2))
     sizes = itertools.cycle(turned(precision, ((True, False, False), (True, True, True), (False, True, False))))

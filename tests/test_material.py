@@ -208,7 +208,9 @@ def test_fabrics_without_yarns_have_none_and_woven_edges_do_not_pull() -> None:
     counts = [len(ForcePass(model, Accumulate.NONE, wp.zeros(1, dtype=wp.vec4d)).kernels()) for model in (even, woven)]
     assert counts == [3, 3]  # normals, edges, triangles: yarns take no launch of their own
     assert woven.weave_count == len(mesh.triangles)
-    assert len(cloth_types("mixed").Weave.vars) == 3
+    assert len(cloth_types("mixed").Weave.vars) == 4
+    assert woven.weave is not None
+    assert not woven.weave.shear_hysteresis  # of fabrics that state friction only
 
 
 def test_a_curved_mesh_without_panels_is_told_to_be_even() -> None:

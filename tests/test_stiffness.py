@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import warp as wp
@@ -26,6 +28,7 @@ ROUNDING = 1e-12
 MESH = grid(6, 0.2)
 FABRIC = Fabric(stretch_warp=2e4, stretch_weft=1e4, bending_warp=1e-5, bending_weft=1e-5)
 WOVEN = Fabric(stretch_warp=2e4, stretch_weft=1e4, shear=50.0, bending_warp=0.0, bending_weft=0.0)
+RUBBING = replace(WOVEN, shear_friction=50.0)
 
 
 def stretched(share: float = 1.1) -> np.ndarray:
@@ -83,7 +86,7 @@ def test_a_hinge_resists_along_its_angles_gradient() -> None:
     assert matrix_of(model) == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("fabric", [FABRIC, WOVEN], ids=["edges", "woven"])
+@pytest.mark.parametrize("fabric", [FABRIC, WOVEN, RUBBING], ids=["edges", "woven", "rubbing"])
 def test_crumpled_cloth_is_never_linearised_to_run_away(fabric: Fabric) -> None:
     crumpled = MESH.points + np.random.default_rng(5).normal(scale=0.02, size=MESH.points.shape)
     matrix = matrix_of(deformed_model(MESH, crumpled, fabric))

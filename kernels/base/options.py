@@ -76,6 +76,14 @@ class SliderField(enum.IntEnum):
     SINE = 3
 
 
+class ShearSliderField(enum.IntEnum):
+    """Where a figure of a woven triangle's friction stands in ``shear_hysteresis`` of Triangles, Weave, Patches."""
+
+    FRICTION = 0  # area times the force per width at which yarns slip [N m]
+    STEEPNESS = 1  # inverse of the shear at which they do
+    LAID = 2  # shear that the cloth was laid into
+
+
 class YarnField(enum.IntEnum):
     """Where a figure of a woven triangle stands in ``Weave.yarns``, ``Triangles.yarns`` and ``Patches.yarns``."""
 
@@ -112,6 +120,7 @@ class Terms(NamedTuple):
     angles: bool = False  # folds that are not flat at rest
     pins: bool = False  # vertices that stay
     hysteresis: bool = False  # friction in folds
+    shear_hysteresis: bool = False  # friction of yarns that cross
 
 
 NO_TERMS = Terms(False, False, False)

@@ -144,6 +144,7 @@ def _elements(types: SimpleNamespace) -> dict[str, type]:
         edges: wp.array(dtype=wp.vec3i)  # opposite to each corner; -1 - edge where its torque is negated
         slope: wp.array(dtype=vec4)  # as Weave.slope; zero where there are no yarns
         yarns: wp.array(dtype=vec4)  # as Weave.yarns
+        shear_hysteresis: wp.array(dtype=vec3)  # as Weave.shear_hysteresis
 
     @wp.struct
     class Rows:
@@ -159,7 +160,7 @@ def _elements(types: SimpleNamespace) -> dict[str, type]:
 
 def _measured(types: SimpleNamespace) -> dict[str, type]:
     """What the certificate measures: ``Hinges``, ``Weave``."""
-    real, vec2, vec4 = types.real, types.vec2, types.vec4
+    real, vec2, vec3, vec4 = types.real, types.vec2, types.vec3, types.vec4
 
     @wp.struct
     class Hinges:
@@ -177,6 +178,7 @@ def _measured(types: SimpleNamespace) -> dict[str, type]:
         corners: wp.array(dtype=wp.vec3i)
         slope: wp.array(dtype=vec4)  # of the second and third corner along weft, then along warp [1/m]
         yarns: wp.array(dtype=vec4)  # of options.YarnField
+        shear_hysteresis: wp.array(dtype=vec3)  # friction of its yarns, by options.ShearSliderField, where any has it
 
     return {"Hinges": Hinges, "Weave": Weave}
 
@@ -213,7 +215,7 @@ def _geometry(types: SimpleNamespace) -> dict[str, type]:
 
 def _patches(types: SimpleNamespace) -> dict[str, type]:
     """``Patches``."""
-    real, vec2, vec4 = types.real, types.vec2, types.vec4
+    real, vec2, vec3, vec4 = types.real, types.vec2, types.vec3, types.vec4
 
     @wp.struct
     class Patches:
@@ -235,6 +237,7 @@ def _patches(types: SimpleNamespace) -> dict[str, type]:
         sides: wp.array(dtype=wp.uint64)  # its edges, opposite to the corners; bits: whose torque is negated
         slope: wp.array(dtype=vec4)  # as Triangles.slope
         yarns: wp.array(dtype=vec4)
+        shear_hysteresis: wp.array(dtype=vec3)
         edge_slot: wp.array(dtype=wp.vec4i)  # twice the edge, and 1 where the vertex is its second end
         slot: wp.array(dtype=wp.vec4i)  # the triangle; after all normals come second corners, then third ones
         ahead: int  # how many patches a GPU computes at a time

@@ -6,7 +6,13 @@ import warp as wp
 
 from warp_cloth.kernels.base.options import SliderField, Terms, Yarn
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
-from warp_cloth.kernels.laws.energy import bending_energy, slider_energy, tension_energy, yarn_energy
+from warp_cloth.kernels.laws.energy import (
+    bending_energy,
+    shear_slider_energy,
+    slider_energy,
+    tension_energy,
+    yarn_energy,
+)
 from warp_cloth.kernels.laws.hinge import hinge_normals, rotated_back
 from warp_cloth.kernels.laws.tension import spring_constants
 from warp_cloth.kernels.laws.yarn import bias_vectors, warp_vector, weft_vector, yarn_stiffness
@@ -36,8 +42,8 @@ def measure_tension_kernel(precision: str) -> wp.Kernel:
 
 
 @functools.cache
-def measure_weave_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``measure_weave``."""
+def measure_weave_kernel(precision: str, terms: Terms) -> wp.Kernel:
+    """Kernel ``measure_weave``, of yarns with friction or without."""
     types, difference = cloth_types(precision), difference_function(precision)
     vec4, State, Weave = types.vec4, types.State, types.Weave
 
@@ -48,7 +54,7 @@ def measure_weave_kernel(precision: str) -> wp.Kernel:
         energy_out: wp.array(dtype=wp.float64),  # [J], shape [T]
         stretch_out: wp.array(dtype=vec4),  # of weft, warp and both biases: r / L, shape [T]
     ):
-        """Energy and stretches of each woven triangle."""
+        """Energy and stretches of each woven triangle; what its friction has taken since it was laid counts."""
         triangle = wp.tid()
         corners = weave.corners[triangle]
         pull, push = yarn_stiffness(weave.yarns[triangle])
@@ -61,6 +67,8 @@ def measure_weave_kernel(precision: str) -> wp.Kernel:
         straight += yarn_energy(warp, pull[Yarn.WARP], push[Yarn.WARP])
         biases = yarn_energy(plus, pull[Yarn.PLUS], push[Yarn.PLUS])
         biases += yarn_energy(minus, pull[Yarn.MINUS], push[Yarn.MINUS])
+        if wp.static(terms.shear_hysteresis):
+            straight += shear_slider_energy(weft, warp, weave.shear_hysteresis[triangle])
         energy_out[triangle] = wp.float64(straight + biases)
         stretch_out[triangle] = vec4(wp.length(weft), wp.length(warp), wp.length(plus), wp.length(minus))
 

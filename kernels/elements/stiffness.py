@@ -11,11 +11,12 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.options import SliderField, SlopeField, Terms
+from warp_cloth.kernels.base.options import SliderField, SlopeField, Terms, Yarn
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
 from warp_cloth.kernels.laws.bending import THINNEST
 from warp_cloth.kernels.laws.hinge import hinge_normals, rotated_back
 from warp_cloth.kernels.laws.hysteresis import slider_stiffness
+from warp_cloth.kernels.laws.shear_hysteresis import shear_friction
 from warp_cloth.kernels.laws.tension import spring_constants, tension_force, tension_stiffness
 from warp_cloth.kernels.laws.yarn import DIAGONAL, warp_vector, weft_vector, yarn_of, yarn_stiffness
 from warp_cloth.kernels.math.symmetric import full_matrix, matrix_type, multiple_of_unit, outer
@@ -103,7 +104,8 @@ def linearise_hinges_kernel(precision: str, terms: Terms) -> wp.Kernel:
 
 
 @functools.cache
-def linearise_weave_kernel(precision: str) -> wp.Kernel:
+def linearise_weave_kernel(precision: str, terms: Terms) -> wp.Kernel:
+    """Kernel ``linearise_weave``, of yarns with friction or without."""
     types = cloth_types(precision)
     real, State, Weave = types.real, types.State, types.Weave
     vec6 = stiffness_types(precision).vec6
@@ -132,11 +134,20 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
         first = vec6()
         second = vec6()
         third = vec6()
+        friction, stiffer = real(0.0), real(0.0)
+        if wp.static(terms.shear_hysteresis):
+            friction, stiffer = shear_friction(weft, warp, weave.shear_hysteresis[triangle])
         for yarn in range(4):
             t, change = yarn_of(yarn, weft, warp, diagonal), yarn_of(yarn, weft_change, warp_change, diagonal)
             b1 = yarn_of(yarn, slope[SlopeField.WEFT_1], slope[SlopeField.WARP_1], diagonal)
             b2 = yarn_of(yarn, slope[SlopeField.WEFT_2], slope[SlopeField.WARP_2], diagonal)
             stiff = spring_stiffness(t, change, real(1.0), pull[yarn], push[yarn], allowance)
+            if wp.static(terms.shear_hysteresis):
+                # as in shear_friction_tension; what would buckle counts as nothing
+                if yarn == Yarn.PLUS:
+                    stiff += outer(real(2.0) * stiffer, t) + multiple_of_unit(wp.max(friction, real(0.0)))
+                if yarn == Yarn.MINUS:
+                    stiff += outer(real(2.0) * stiffer, t) + multiple_of_unit(wp.max(-friction, real(0.0)))
             b0 = -(b1 + b2)
             first -= stiff * (b0 * b1)
             second -= stiff * (b1 * b2)
@@ -201,6 +212,6 @@ def stiffness_kernels(precision: str, terms: Terms) -> SimpleNamespace:
     """The three kernels, in the order of their launches."""
     return SimpleNamespace(
         linearise_hinges=linearise_hinges_kernel(precision, terms),
-        linearise_weave=linearise_weave_kernel(precision),
+        linearise_weave=linearise_weave_kernel(precision, terms),
         couple_pairs=couple_pairs_kernel(precision),
     )

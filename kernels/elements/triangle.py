@@ -13,6 +13,7 @@ import warp as wp
 from warp_cloth.kernels.base.options import Accumulate, SlopeField, Terms, Yarn
 from warp_cloth.kernels.base.types import cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.laws.bending import unit_normal
+from warp_cloth.kernels.laws.shear_hysteresis import shear_friction_tension
 from warp_cloth.kernels.laws.yarn import (
     slope_fractions,
     split_damping,
@@ -120,11 +121,19 @@ def corner_function(precision: str, accumulate: Accumulate, terms: Terms, lanes:
     types, Step = lane_types(cloth_types(precision).real, lanes), cloth_types(precision).Step
     vec3, vec4, Sides = types.vec3, types.vec4, sides_type(precision, lanes)
     with_folds = corner_fold_function(precision, accumulate, lanes)
-    yarn_loads, exact_excess = yarn_function(precision, accumulate, lanes), _excess_function(precision)
+    yarn_loads, exact_excess = yarn_function(precision, accumulate, terms, lanes), _excess_function(precision)
 
     @wp.func
     def corner_loads(
-        normal: vec4, fold_0: vec3, fold_1: vec3, fold_2: vec3, sides: Sides, slope: vec4, yarns: vec4, step: Step
+        normal: vec4,
+        fold_0: vec3,
+        fold_1: vec3,
+        fold_2: vec3,
+        sides: Sides,
+        slope: vec4,
+        yarns: vec4,
+        slider: vec3,
+        step: Step,
     ):
         """Loads of the corners: of the triangle's yarns, then of the hinges of its sides."""
         first = vec4()
@@ -135,7 +144,7 @@ def corner_function(precision: str, accumulate: Accumulate, terms: Terms, lanes:
             if wp.static(takes_exact_stretch(precision, accumulate)):
                 excess = exact_excess(sides, slope)
             force_0, force_1, force_2, more = yarn_loads(
-                sides.side_1, sides.side_2, excess, sides.change_1, sides.change_2, slope, yarns, step
+                sides.side_1, sides.side_2, excess, sides.change_1, sides.change_2, slope, yarns, slider, step
             )
             first = with_fourth(force_0, component(more, 0))
             second = with_fourth(force_1, component(more, 1))
@@ -243,19 +252,28 @@ def _excess_function(precision: str) -> wp.Function:
 
 
 @functools.cache
-def yarn_function(precision: str, accumulate: Accumulate, lanes: int = 1) -> wp.Function:
-    """The function ``yarn_loads`` of a woven triangle, or of a packet of them."""
+def yarn_function(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Function:
+    """The function ``yarn_loads`` of a woven triangle, with friction or not; or of a packet of them, without."""
     real, Step = cloth_types(precision).real, cloth_types(precision).Step
     vec3, vec4 = lane_types(real, lanes).vec3, lane_types(real, lanes).vec4
     corner_amounts = _yarn_amounts_function(precision, accumulate, lanes)
 
     @wp.func
     def yarn_loads(
-        side_1: vec3, side_2: vec3, excess: vec4, change_1: vec3, change_2: vec3, slope: vec4, yarns: vec4, step: Step
+        side_1: vec3,
+        side_2: vec3,
+        excess: vec4,
+        change_1: vec3,
+        change_2: vec3,
+        slope: vec4,
+        yarns: vec4,
+        slider: vec3,
+        step: Step,
     ):
         """Forces of the four yarns on the corners, and the corners' bounds or magnitudes.
 
         ``excess`` is |t|^2 - 1 of the yarns where that is taken exactly, from which |t| - 1 = excess / (|t| + 1).
+        ``slider`` is as of Weave.shear_hysteresis, read where there is friction.
         """
         weft, warp = weft_vector(slope, side_1, side_2), warp_vector(slope, side_1, side_2)
         weft_change = vec3()
@@ -272,6 +290,10 @@ def yarn_function(precision: str, accumulate: Accumulate, lanes: int = 1) -> wp.
         if wp.static(takes_exact_stretch(precision, accumulate)):
             stretch = excess * reciprocal(length + one)
         tension, bound = yarn_tension(length, stretch, change, pull, push, step.allowance)
+        if wp.static(terms.shear_hysteresis):
+            friction, stiffer = shear_friction_tension(weft, warp, square, slider)
+            tension += friction
+            bound += stiffer
         on_weft = vec3()
         on_warp = vec3()
         amounts = vec3()

@@ -1,4 +1,4 @@
-"""Energies of tension, yarns, bending and its friction: forces are minus their gradient.
+"""Energies of tension, yarns, bending and of both frictions: forces are minus their gradient.
 
 The certificate reports them. They are apart from the forces because + - * / here are Warp's own, of one value.
 """
@@ -6,6 +6,8 @@ The certificate reports them. They are apart from the forces because + - * / her
 from typing import Any
 
 import warp as wp
+
+from warp_cloth.kernels.base.options import ShearSliderField
 
 
 @wp.func
@@ -49,3 +51,12 @@ def slider_energy(normal_0: Any, normal_1: Any, moment: Any, steepness: Any):
     sine = wp.sin(type(moment)(0.25) * wp.min(angle, slipping))
     clinging = type(moment)(8.0) * moment * steepness * sine * sine
     return clinging + moment * wp.max(angle - slipping, zero)
+
+
+@wp.func
+def shear_slider_energy(weft: Any, warp: Any, slider: Any):
+    """Potential of the friction of a triangle's yarns [J], W(g) of ``shear_hysteresis``."""
+    friction, steepness = slider[ShearSliderField.FRICTION], slider[ShearSliderField.STEEPNESS]
+    change, half = wp.abs(wp.dot(weft, warp) - slider[ShearSliderField.LAID]), type(friction)(0.5)
+    clinging = wp.min(change, type(friction)(1.0) / steepness)
+    return friction * (half * steepness * clinging * clinging + (change - clinging))

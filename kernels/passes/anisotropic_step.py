@@ -19,6 +19,7 @@ from warp_cloth.kernels.base.active_set import active_element
 from warp_cloth.kernels.base.options import Accumulate, Terms, Yarn
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, rests
 from warp_cloth.kernels.elements.edge import edge_functions
+from warp_cloth.kernels.laws.shear_hysteresis import shear_friction_tension
 from warp_cloth.kernels.laws.tension import spring_constants, tension_force, tension_stiffness, transverse_fraction
 from warp_cloth.kernels.laws.yarn import (
     slope_fractions,
@@ -60,16 +61,48 @@ def edge_bound(side: Any, change: Any, spring: Any, allowance: Any, horizon: Any
 
 
 @wp.func
-def yarn_bounds(
-    side_1: Any, side_2: Any, change_1: Any, change_2: Any, slope: Any, yarns: Any, allowance: Any, horizon: Any
-):
-    """What weft and warp have become, bounds of the four yarns [J], what acts across, inverses of lengths."""
+def yarns_as_they_lie(side_1: Any, side_2: Any, change_1: Any, change_2: Any, slope: Any, yarns: Any, allowance: Any):
+    """What weft and warp have become; |t|^2, square of the change, tension and bound [J] of the four yarns."""
     weft, warp = weft_vector(slope, side_1, side_2), warp_vector(slope, side_1, side_2)
     square = yarn_squares(weft, warp)
     change = yarn_squares(weft_vector(slope, change_1, change_2), warp_vector(slope, change_1, change_2))
     pull, push = yarn_stiffness(yarns)
     length = root(square)
     tension, bound = yarn_tension(length, length - type(length)(1.0), change, pull, push, allowance)
+    return weft, warp, square, change, tension, bound
+
+
+@wp.func
+def yarn_bounds(
+    side_1: Any, side_2: Any, change_1: Any, change_2: Any, slope: Any, yarns: Any, allowance: Any, horizon: Any
+):
+    """What weft and warp have become, bounds of the four yarns [J], what acts across, inverses of lengths."""
+    weft, warp, square, change, tension, bound = yarns_as_they_lie(
+        side_1, side_2, change_1, change_2, slope, yarns, allowance
+    )
+    fraction, inverse_length = yarn_transverse_fractions(square, change, tension, bound, horizon)
+    return weft, warp, bound, fraction, inverse_length
+
+
+@wp.func
+def rubbing_yarn_bounds(
+    side_1: Any,
+    side_2: Any,
+    change_1: Any,
+    change_2: Any,
+    slope: Any,
+    yarns: Any,
+    slider: Any,
+    allowance: Any,
+    horizon: Any,
+):
+    """``yarn_bounds`` of yarns that have friction; ``slider`` as Triangles.shear_hysteresis."""
+    weft, warp, square, change, tension, bound = yarns_as_they_lie(
+        side_1, side_2, change_1, change_2, slope, yarns, allowance
+    )
+    friction, stiffer = shear_friction_tension(weft, warp, square, slider)
+    tension += friction
+    bound += stiffer
     fraction, inverse_length = yarn_transverse_fractions(square, change, tension, bound, horizon)
     return weft, warp, bound, fraction, inverse_length
 
@@ -243,10 +276,16 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
                 if wp.static(terms.yarns):
                     slope, yarns = element(triangles.slope, triangle), element(triangles.yarns, triangle)
                     sides = sides_of(state, element(triangles.corners, triangle))
-                    weft, warp, bounds, fraction, inverse_length = yarn_bounds(
-                        sides.side_1, sides.side_2, sides.change_1, sides.change_2,
-                        slope, yarns, step.allowance, step.horizon,
-                    )  # fmt: skip
+                    if wp.static(terms.shear_hysteresis):
+                        weft, warp, bounds, fraction, inverse_length = rubbing_yarn_bounds(
+                            sides.side_1, sides.side_2, sides.change_1, sides.change_2, slope, yarns,
+                            element(triangles.shear_hysteresis, triangle), step.allowance, step.horizon,
+                        )  # fmt: skip
+                    else:
+                        weft, warp, bounds, fraction, inverse_length = yarn_bounds(
+                            sides.side_1, sides.side_2, sides.change_1, sides.change_2,
+                            slope, yarns, step.allowance, step.horizon,
+                        )  # fmt: skip
                     more, size = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, corner)
                     matrix += more
                     total += size

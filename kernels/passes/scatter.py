@@ -178,7 +178,10 @@ def sides_function(precision: str, accumulate: Accumulate, packed: bool = False,
 
 @functools.cache
 def triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Kernel:
-    """Kernel ``add_triangles``; ``accumulate``: what is summed besides forces; of packets, a bound."""
+    """Kernel ``add_triangles``; ``accumulate``: what is summed besides forces.
+
+    Of packets it is a bound, and yarns have no friction.
+    """
     types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     Model, State, Step, Triangles = types.Model, types.State, types.Step, types.Triangles
     vec4, like, Sides = types.vec4, wp.constant(types.real(0.0)), sides_type(precision, lanes)
@@ -233,16 +236,18 @@ def triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes
         if some == 0:
             return
         first = first_of(number, triangles.corners.shape[0])
-        slope, yarns, sides = packets.vec4(), packets.vec4(), Sides()
+        slope, yarns, slider, sides = packets.vec4(), packets.vec4(), packets.vec3(), Sides()
         if wp.static(terms.yarns):
             slope, yarns = load(triangles.slope, first), load(triangles.yarns, first)
             sides = sides_of(state, triangles.corners, side, number, first)
+        if wp.static(terms.shear_hysteresis):
+            slider = element(triangles.shear_hysteresis, first)
         own, fold_0, fold_1, fold_2 = packets.vec4(), packets.vec3(), packets.vec3(), packets.vec3()
         if wp.static(terms.folds):
             own = load(normal, first)
             fold_0, fold_1 = side_fold(fold, triangles.edges, first, 0), side_fold(fold, triangles.edges, first, 1)
             fold_2 = side_fold(fold, triangles.edges, first, 2)
-        on_0, on_1, on_2 = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, yarns, step)
+        on_0, on_1, on_2 = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, yarns, slider, step)
         add_to(load_out, triangles.corners, first, some, on_0, on_1, on_2)
 
     return add_triangles

@@ -89,11 +89,13 @@ def corners_function(options: KernelOptions) -> wp.Function:
         fold_2: vec3,
     ):
         """What yarns of a triangle and hinges of its sides do to its corners."""
-        slope, yarns = vec4(), vec4()
+        slope, yarns, slider = vec4(), vec4(), vec3()
         if wp.static(terms.yarns):
             at = context.patch.triangle_start + triangle
             slope, yarns = element(context.patches.slope, at), element(context.patches.yarns, at)
-        first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, yarns, context.step)
+            if wp.static(terms.shear_hysteresis):
+                slider = element(context.patches.shear_hysteresis, at)
+        first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, yarns, slider, context.step)
         other = corner_stride(context.patch) + triangle
         put_row(context, context.memory.corner_load, triangle, first)
         put_row(context, context.memory.corner_load, other, second)

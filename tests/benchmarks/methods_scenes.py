@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -84,15 +85,16 @@ def true_cases() -> list[Case]:
     return sheets + discs + shirts
 
 
-def case_tree(case: Case, folder: Path) -> dict[str, Any]:
-    """The case as a scene; its garment's mesh is written into the folder."""
+def case_tree(case: Case, folder: Path, more: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """The case as a scene, its mesh written into the folder; ``more``: values that go over those of its fabric."""
+    named: Any = {"base": case.fabric, **more} if more else case.fabric
     if case.kind == "tshirt":
         body = {"kind": "mannequin", "size": case.size} | ({"chest": case.chest} if case.chest else {})
         shirt = {"kind": "tshirt", "size": case.size, "edge_mm": case.edge_mm}
-        return {"garment": {"shape": shirt, "rest": "uv", "fabric": case.fabric},
+        return {"garment": {"shape": shirt, "rest": "uv", "fabric": named},
                 "avatar": {"shape": body, "friction": case.friction}}  # fmt: skip
     path = folder / "garment.obj"
-    fabric = {"stretch": case.stretch, "weight": 0.2, "bending": 1e-7} if case.stretch else case.fabric
+    fabric = {"stretch": case.stretch, "weight": 0.2, "bending": 1e-7, **(more or {})} if case.stretch else named
     garment: dict[str, Any] = {"mesh": str(path), "units": "m", "rest": "uv", "fabric": fabric}
     tree: dict[str, Any] = {"garment": garment}
     if case.kind == "disc":

@@ -108,22 +108,24 @@ def step_options(method: str) -> StepOptions:
     return StepOptions(method="multilevel" if method == "multilevel" else "accelerated")
 
 
-def prepared(case: Case, method: str, device: str, limit: int) -> Problem:
+def prepared(case: Case, method: str, device: str, limit: int, more: Mapping[str, float] | None = None) -> Problem:
     """The case on the device, ready to relax."""
     with TemporaryDirectory() as folder:
         own = "accelerated" if method == "momentum" else method
         tree = {
-            **case_tree(case, Path(folder)),
+            **case_tree(case, Path(folder), more),
             "collision": {"cloth": False},
             "solver": {"method": own, "iterations": limit},
         }
         return load_problem(load_scene(tree), device, options=step_options(method))
 
 
-def run_case(case: Case, method: str, device: str, limit: int | None = None) -> Run:
-    """Relaxes a case by a method, on beyond its certificate."""
+def run_case(
+    case: Case, method: str, device: str, limit: int | None = None, more: Mapping[str, float] | None = None
+) -> Run:
+    """Relaxes a case by a method, on beyond its certificate; ``more`` as in ``case_tree``."""
     limit = LIMITS[method] if limit is None else limit
-    problem = prepared(case, method, device, limit)
+    problem = prepared(case, method, device, limit, more)
     began = time.perf_counter()
     levels = start_coarse(problem)
     before = time.perf_counter() - began

@@ -131,7 +131,7 @@ def run_bench(
     draped = drape(rings, fabric, discs=discs, device=device)
     coefficients = [disc.coefficient for disc in draped]
     findings += _draped(coefficients, draped)
-    if fabric.rubs(directed=True):
+    if fabric.has_band:
         down = [disc.coefficient for disc in let_down(draped, fabric, device=device)]
         findings.append(Finding("drape coefficient, let down from the hang", "%", float(np.mean(down))))
     middle = draped[int(np.argmin(np.abs(np.array(coefficients) - np.mean(coefficients))))]

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Indices, Mesh, Points
-from warp_cloth.garment.folds import fold_angles
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.grain import Grain
-from warp_cloth.garment.rest import GRAVITY, Floats, RestShape, build_rest_shape
+from warp_cloth.garment.laid import laid_into
+from warp_cloth.garment.rest import GRAVITY, Floats, build_rest_shape
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.material.hysteresis import slid
+from warp_cloth.material.hysteresis import Laid
 from warp_cloth.model.model import build_model
 from warp_cloth.solver.certificate.certifier import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
@@ -41,11 +41,11 @@ class Settled:
 
 
 def piece(
-    mesh: Mesh, fabric: Fabric, clamped: Indices, *, grain_degrees: float = 0.0, laid: Floats | None = None
+    mesh: Mesh, fabric: Fabric, clamped: Indices, *, grain_degrees: float = 0.0, laid: Laid | None = None
 ) -> Garment:
-    """A flat piece of a fabric, held at these vertices; ``laid``: angles of its hinges [rad], [H], where not flat."""
+    """A flat piece of a fabric, held at these vertices; ``laid``: where not flat."""
     rest = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(grain_degrees))
-    rest = replace(rest, vertex_weight=weights_by_area(mesh, fabric.weight), hinge_laid=laid)
+    rest = laid_into(replace(rest, vertex_weight=weights_by_area(mesh, fabric.weight)), laid)
     return Garment(mesh.points, mesh.triangles, rest, clamped)
 
 
@@ -59,10 +59,13 @@ class Specimens:
         weightless: bool = True,
         device: str = "cpu",
         options: StepOptions | None = None,
+        collider: Collider | None = None,
     ) -> None:
+        """``collider``: of a body without friction that they lie on; None: there is none."""
         self.count = len(pieces)
         self.model = build_model(pieces, device=device, precision="mixed", garment_counts=[1] * self.count)
-        self._relaxation = build_relaxation(options or StepOptions(), self.model, [Collider()] * self.count, pieces)
+        colliders = [collider or Collider()] * self.count
+        self._relaxation = build_relaxation(options or StepOptions(), self.model, colliders, pieces)
         if weightless:
             self._relaxation.step.gravity = cloth_types("mixed").vec3(0.0, 0.0, 0.0)
         self._certifier: Certifier | None = None
@@ -118,25 +121,18 @@ class Specimen(Specimens):
         device: str = "cpu",
         options: StepOptions | None = None,
         count: int = 1,
-        laid: Floats | None = None,
+        laid: Laid | None = None,
+        collider: Collider | None = None,
     ) -> None:
         self.mesh, self.clamped = mesh, clamped
         own = piece(mesh, fabric, clamped, grain_degrees=grain_degrees, laid=laid)
         self.rest = own.rest
-        super().__init__([own] * count, weightless=weightless, device=device, options=options)
+        super().__init__([own] * count, weightless=weightless, device=device, options=options, collider=collider)
 
     def settle(self, start: Points, tolerance: Tolerance, limit: int, *, near_rest: bool = False) -> Settled:
         """Relaxes from these positions, clamped vertices included; ``near_rest``: they are close to the rest shape."""
         (settled,) = self.settle_all([start], tolerance, limit, near_rest=near_rest)
         return settled
-
-
-def laid_by(rest: RestShape, points: Points) -> Floats | None:
-    """Angles that a piece counts as laid into once it has rested in this shape [rad], shape [H]; None: no friction."""
-    if rest.hinge_slider is None:
-        return None
-    laid = rest.fold_angle if rest.hinge_laid is None else rest.hinge_laid
-    return slid(laid, fold_angles(points, rest.topology), rest.hinge_slider)
 
 
 def weights_by_area(mesh: Mesh, weight: float) -> Floats:

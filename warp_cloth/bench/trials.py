@@ -13,15 +13,16 @@ import warp as wp
 from PIL import Image, ImageDraw
 
 from warp_cloth.base.mesh import Indices, Mesh, Points
-from warp_cloth.bench.specimen import Settled, Specimen, Specimens, laid_by, piece
+from warp_cloth.bench.specimen import Settled, Specimen, Specimens, piece
 from warp_cloth.bench.swatch import along, disc, on_finer_disc
+from warp_cloth.garment.laid import HUNG, laid_by
 from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.step_options import StepOptions
 
 if TYPE_CHECKING:
     from warp_cloth.garment.garment import Garment
-    from warp_cloth.garment.rest import Floats
     from warp_cloth.material.fabric import Fabric
+    from warp_cloth.material.hysteresis import Laid
 
 BALANCED = Tolerance(relative_rms=2e-4, relative_p99=2e-3, rest_error=1e-5)  # clamp forces are then exact to 0.1 %
 ITERATIONS = 20_000
@@ -33,7 +34,6 @@ SUPPORT_RADIUS = 0.09  # [m], of the support in Cusick's test
 DISC_RADIUS = 0.15  # [m]
 SHADOW_PIXEL = 2.5e-4  # [m]; a disc's shadow is then exact to 0.1 points
 DRAPE_MODES = range(3, 10)  # waves around the disc at the start, 1 mm high: cloth is never perfectly flat
-HUNG = 3.0  # times its weight under which cloth hangs before it is let down
 HANGING = Tolerance(relative_rms=0.002, relative_p99=0.02, rest_error=1e-4)
 DRAPED = Tolerance(relative_rms=0.01, relative_p99=0.05, rest_error=2e-4)  # the shadow is then exact to 0.5 points
 
@@ -211,7 +211,7 @@ def let_down(
 ) -> list[Drape]:
     """The same discs again, pulled down by HUNG times their weight and let up to their own.
 
-    ``drape`` lays cloth from the flat. Where friction in bending keeps what was laid, these are the other end of the
+    ``drape`` lays cloth from the flat. Where friction keeps what was laid, these are the other end of the
     band in which it may rest; without friction they hang as before.
     """
     heavy = [Hanging(each.mesh, fabric, each.settled.points, load=HUNG) for each in draped]
@@ -258,7 +258,7 @@ class Hanging:
     mesh: Mesh
     fabric: Fabric
     start: Points  # [m], shape [V, 3]
-    laid: Floats | None = None  # angles that its hinges were laid into [rad], shape [H]; None: flat
+    laid: Laid | None = None  # None: flat
     load: float = 1.0  # times its own weight
 
     @cached_property

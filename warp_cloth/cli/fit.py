@@ -56,6 +56,10 @@ def fit(
         Path | None,
         typer.Option("--from", metavar="RESULT", help="Start from an earlier result: its .usdc, .obj or .glb file."),
     ] = None,
+    band: Annotated[
+        bool,
+        typer.Option("--band", help="Also let garments with friction down from the hang: the other end of their band."),
+    ] = False,
     verbose: Annotated[bool, typer.Option("--verbose", help="Show log messages, Warp's included.")] = False,
 ) -> None:
     """Fit the garments of a scene; write the draped shapes, a report and a picture.
@@ -89,6 +93,7 @@ def fit(
             start_warp(verbose)
             clock.lap("warp")
             wanted = {"device": device, "frames": frames, "maps": (*map_names, colour_map), "start": start}
+            wanted["band"] = band
             worn = _fitted(chosen, wanted, clock, display)
             display.begin("export")
             paths = worn.save(out, colour=colour_map, formats=suffixes)
@@ -157,6 +162,7 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
     rows += [
         ("residual", _filled("{} relative rms, {} p99", residual, "relative_rms", "relative_p99")),
         ("rest error", _filled("{} mm", report, "rest_error_mm")),
+        ("let down", _band(report.get("friction_band"))),
         ("strain", _filled("{} median, {} p99, {} max", _percents(strain), "p50", "p99", "max")),
         ("yarn strain", _filled("{} warp, {} weft, {} bias (p99)", _percents(yarns), "warp", "weft", "bias")),
         ("penetration", _filled("{} mm max, {} mm p99.9", penetration, "max", "p999")),
@@ -171,6 +177,15 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
     rows.append(("chosen", ", ".join(chosen)))
     rows += [("note", note) for note in notes_of(report)]
     return [*lines, *(row(label, text) for label, text in rows if text), *wrote_rows(paths)]
+
+
+def _band(band: Mapping[str, Any] | None) -> str:
+    """Where the garments rest once let down from the hang."""
+    if band is None:
+        return ""
+    ended = band["status"].replace("_", " ")
+    apart = _filled("{} mm away (median), {} mm p95, {} mm max", band["apart_mm"], "p50", "p95", "max")
+    return f"{ended}, {apart}, rest error {_shown(band['rest_error_mm'])} mm"
 
 
 def _percents(strains: Mapping[str, Any]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from warp_cloth.base.first_run import note_kernels
 from warp_cloth.base.threads import one_thread_at_a_time
 from warp_cloth.export.formats import check_frames, chosen_formats
 from warp_cloth.fitting.attempts import finished_runs, tried_further
+from warp_cloth.fitting.band import check_band, with_band
 from warp_cloth.fitting.film import Dressing
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.measured_maps import with_maps
@@ -141,6 +142,7 @@ def fit(
     frames: int = 0,
     maps: str | Sequence[str] = (),
     start: Fit | str | Path | None = None,
+    band: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Fits the garments of a scene.
@@ -161,13 +163,15 @@ def fit(
         maps: fit maps to compute, such as "strain,pressure,gap", or "all".
         start: an earlier result, or its file (.usdc, .obj, .glb and the like). The garments start as they are worn
             there, if they have the same mesh or panels of the same names.
+        band: whether garments that have friction are also let down from the hang, the other end of the band in which
+            they may rest: ``garment.let_down`` and report["friction_band"]. It takes about as long again.
         progress: called with a ``Progress`` at every stage and check.
 
     Raises:
         InputError: the scene or one of its files cannot be used.
     """
     load = partial(loaded_scene, scene, overrides, on, fabric)
-    return fit_loaded(load, device, Caches(), frames=frames, maps=maps, start=start, progress=progress)
+    return fit_loaded(load, device, Caches(), frames=frames, maps=maps, start=start, band=band, progress=progress)
 
 
 @dataclass(frozen=True)
@@ -198,6 +202,7 @@ def fit_loaded(
     frames: int = 0,
     maps: str | Sequence[str] = (),
     start: Fit | str | Path | None = None,
+    band: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Fits the scene that ``load`` returns; ``caches`` hold what earlier fits left; the rest as for ``fit``."""
@@ -219,6 +224,8 @@ def fit_loaded(
         chosen, device_name, mesh_cache=caches.meshes, cache=cache, clock=clock, may_pose=earlier is None
     )
 
+    if band:
+        check_band(problem.outfit)
     watched: list[Dressing] | None = [] if frames and not _from_stage(chosen) else None
 
     def begin(problem: Problem) -> tuple[LevelRun, ...]:
@@ -242,8 +249,11 @@ def fit_loaded(
     problem = course.best.problem
     report_progress(Progress("measure"))
     (result,) = finish_fits(problem, [course], clock=clock, frames=frames, dressings=watched or ())
-    fitted = Fit.of(with_maps(result, map_names, problem) if map_names else result)
+    result = with_maps(result, map_names, problem) if map_names else result
     clock.lap("measure")
+    if band:
+        result = with_band(result, problem, partial(_relax, frames=0, progress=progress), cache, clock)
+    fitted = Fit.of(result)
     note_kernels(device_name, wp.config.kernel_cache_dir)
     return fitted
 

@@ -207,7 +207,7 @@ def build_problem(
     relaxation, certifier = problem.relaxation, problem.certifier
     kernels = relaxation.kernels() + relaxation.seldom_kernels() + certifier.kernels()
     if not kernels_known(device):
-        kernels += strain_kernels(problem.model.precision)
+        kernels += strain_kernels(problem.model.precision, problem.model.terms)
     load_modules([kernel.module for kernel in kernels], device)
     clock.lap("compile")
     if not problem.outfit.poses:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.mesh import Indices
 from warp_cloth.base.topology import Topology
 from warp_cloth.garment.rest import Floats, RestShape
-from warp_cloth.kernels.base.options import SliderField, SpringField
+from warp_cloth.kernels.base.options import ShearSliderField, SliderField, SpringField
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +28,7 @@ class Elements:
     edges: Indices  # opposite to each corner, -1 - edge where the hinge's torque has the other sign, shape [F, 3]
     slope: Floats  # as YarnConstants.slope, zero where there are no yarns, shape [F, 4]
     yarns: Floats  # as YarnConstants.packed, shape [F, 4]
+    shear_hysteresis: Floats  # as YarnConstants.slider, zero where there is none, shape [F, 3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +76,10 @@ def garment_elements(triangles: Indices, rest: RestShape, winding: Winding | Non
     if rest.hinge_slider is not None:
         hysteresis[edge] = rest.hinge_hysteresis[stiff]
     slope, yarns = (np.zeros((len(triangles), 4)) for _ in range(2))
+    rubbing = np.zeros((len(triangles), len(ShearSliderField)))
     if rest.yarns is not None:
         slope[rest.yarns.triangles], yarns[rest.yarns.triangles] = rest.yarns.slope, rest.yarns.packed
+        rubbing[rest.yarns.triangles] = rest.yarns.slider
     spring = np.empty((count, 3))
     spring[:, SpringField.LENGTH] = rest.edge_length
     spring[:, SpringField.PULL], spring[:, SpringField.PUSH] = rest.edge_pull, rest.edge_push
@@ -91,6 +94,7 @@ def garment_elements(triangles: Indices, rest: RestShape, winding: Winding | Non
         winding.edges,
         slope,
         yarns,
+        rubbing,
     )
 
 
@@ -98,6 +102,6 @@ def elements_of(elements: Elements, real: type[np.floating[Any]]) -> Elements:
     """The elements with floating-point numbers of the device's type."""
     floats = {
         name: getattr(elements, name).astype(real)
-        for name in ("spring", "hinge_stiffness", "rest", "hysteresis", "slope", "yarns")
+        for name in ("spring", "hinge_stiffness", "rest", "hysteresis", "slope", "yarns", "shear_hysteresis")
     }
     return replace(elements, **floats)

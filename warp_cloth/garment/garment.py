@@ -36,6 +36,7 @@ class Garment:
             angles=rest.hinge_angle is not None and bool(rest.hinge_angle[rest.hinge_stiffness > 0.0].any()),
             pins=len(self.pins) > 0,
             hysteresis=rest.hinge_slider is not None and bool(rest.hinge_slider[rest.hinge_stiffness > 0.0, 0].any()),
+            shear_hysteresis=rest.yarns is not None and rest.yarns.friction > 0.0,
         )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Indices
-from warp_cloth.kernels.base.options import YarnField
+from warp_cloth.kernels.base.options import ShearSliderField, YarnField
 
 if TYPE_CHECKING:
     from warp_cloth.base.topology import Topology
@@ -31,6 +31,8 @@ NEWTON_ROUNDS = 40
 # A mesh may have no edges along warp or weft. Beyond these factors its other edges would be another material.
 LEAST_FACTOR, MOST_FACTOR = 0.2, 20.0
 LEAST_RESISTED = 1e-30  # fraction of the bias yarns' K below which nothing resists contraction
+# Shear up to which yarns cling: KES-F reads 2HG at half a degree, and from there on G, the slope where they slip.
+CLINGING_SHEAR = float(np.sin(np.radians(0.5)))
 THINNEST_FRACTION = 1e-6  # of the median triangle's area; thinner triangles carry no yarns
 
 
@@ -45,6 +47,10 @@ class YarnConstants:
     warp: Floats
     shear: Floats  # of each of the two bias yarns, which bear the fabric's shear
     compression: float  # c of the fabric
+    areas: Floats  # [m2], shape [T]
+    clinging: float = CLINGING_SHEAR  # shear up to which yarns cling
+    friction: float = 0.0  # h of the fabric: force per width at which yarns that are sheared slip [N/m]
+    laid: Floats | None = None  # shear that they were laid into (kernels.laws.shear_hysteresis), [T]; None: as at rest
 
     @property
     def packed(self) -> Floats:
@@ -53,6 +59,22 @@ class YarnConstants:
         yarns[:, YarnField.WEFT], yarns[:, YarnField.WARP] = self.weft, self.warp
         yarns[:, YarnField.SHEAR], yarns[:, YarnField.COMPRESSION] = self.shear, self.compression
         return yarns
+
+    @property
+    def slider(self) -> Floats:
+        """Friction for the device, by ``ShearSliderField``, shape [T, 3]."""
+        slider = np.zeros((len(self.triangles), len(ShearSliderField)))
+        slider[:, ShearSliderField.FRICTION] = self.areas * self.friction
+        slider[:, ShearSliderField.STEEPNESS] = 1.0 / self.clinging
+        if self.laid is not None:
+            slider[:, ShearSliderField.LAID] = self.laid
+        return slider
+
+    def sheared(self, points: Floats) -> Floats:
+        """Shear of every woven triangle in this shape [m], [V, 3]: weft . warp, as of shear_hysteresis, shape [T]."""
+        sides = points[self.corners[:, 1:]] - points[self.corners[:, :1]]
+        weft, warp = (np.einsum("tk,tkx->tx", self.slope[:, part], sides) for part in (slice(0, 2), slice(2, 4)))
+        return np.asarray(np.einsum("tx,tx->t", weft, warp))
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +226,8 @@ def yarn_constants(sheet: Sheet, fabric: Fabric) -> YarnConstants:
         warp=areas * yarns.warp,
         shear=areas * yarns.shear,
         compression=fabric.compression,
+        areas=areas,
+        friction=fabric.shear_friction,
     )
 
 

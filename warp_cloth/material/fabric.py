@@ -30,10 +30,12 @@ BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
         "friction": (0.0, 10.0),
         "bending_friction_warp": (0.0, 10.0),  # [N]
         "bending_friction_weft": (0.0, 10.0),
+        "shear_friction": (0.0, 1e3),  # [N/m]
     }
 )
 
-HYSTERESIS = ("bending_friction_warp", "bending_friction_weft")  # which a fabric has only if it says so
+# which a fabric has only if it says so
+HYSTERESIS = ("bending_friction_warp", "bending_friction_weft", "shear_friction")
 
 # From a stocking's to a sail's, in the same units: what lies beyond is more often stated in another unit than meant.
 CLOTHS: Mapping[str, tuple[float, float]] = MappingProxyType(
@@ -46,6 +48,7 @@ CLOTHS: Mapping[str, tuple[float, float]] = MappingProxyType(
         "thickness": (2e-5, 0.02),
         "bending_friction_warp": (1e-6, 0.05),
         "bending_friction_weft": (1e-6, 0.05),
+        "shear_friction": (1e-3, 50.0),
     }
 )
 
@@ -60,6 +63,7 @@ UNITS: Mapping[str, str] = MappingProxyType(
         "thickness": "m; thickness_mm takes mm",
         "bending_friction_warp": "N (moment per width); bending_hysteresis_2HB_warp takes gf cm/cm",
         "bending_friction_weft": "N (moment per width); bending_hysteresis_2HB_weft takes gf cm/cm",
+        "shear_friction": "N/m (force per width); shear_hysteresis_2HG takes gf/cm",
     }
 )
 
@@ -87,6 +91,7 @@ class Fabric:
     friction: float = 0.3  # of cloth on cloth
     bending_friction_warp: float = 0.0  # [N], moment per width of friction where the warp is bent: half of 2HB
     bending_friction_weft: float = 0.0
+    shear_friction: float = 0.0  # [N/m], force per width of friction where yarns are sheared: half of 2HG
     source: str = "generic: between a knit and a shirting, measured on nothing"
 
     def __post_init__(self) -> None:
@@ -124,11 +129,16 @@ class Fabric:
         return math.sqrt(self.bending_warp * self.bending_weft)
 
     def rubs(self, directed: bool) -> bool:
-        """Whether it has friction in bending, on a garment that has directions or not."""
+        """Whether it has friction in bending on a garment that has directions or not."""
         friction = self.bending_friction_warp, self.bending_friction_weft
         stiff = self.bending_warp, self.bending_weft
         enough = any if directed else all
         return enough(friction) and enough(stiff) and min(stiff) > 0.0
+
+    @property
+    def has_band(self) -> bool:
+        """Whether cloth with directions rests in a band of shapes, kept by friction in bending or shear."""
+        return self.rubs(directed=True) or (self.woven and self.shear_friction > 0.0)
 
     @property
     def even_shear(self) -> float:

@@ -19,7 +19,7 @@ from warp_cloth.material.bending import (
     near_border,
     within_border,
 )
-from warp_cloth.material.constants import Sheet
+from warp_cloth.material.constants import Sheet, YarnConstants
 from warp_cloth.material.laboratory import MATCHED_FOLD, bending_length, rigidity_of_bending
 from warp_cloth.material.patch_factors import Fit, Patches
 
@@ -121,6 +121,14 @@ def _size(folds: Folds, power: int) -> Floats:
     return folds.size if power == 3 else folds.size * folds.across**2
 
 
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """What a piece of cloth with friction was laid into; None: as at rest."""
+
+    fold: Floats | None = None  # angle of every hinge [rad], shape [H]
+    shear: Floats | None = None  # of every woven triangle (kernels.laws.shear_hysteresis), shape [T]
+
+
 def slid(laid: Floats, angle: Floats, slider: Floats) -> Floats:
     """Angles that hinges count as laid into once they stay at ``angle`` [rad]: those that slipped follow. Shape [H].
 
@@ -129,3 +137,10 @@ def slid(laid: Floats, angle: Floats, slider: Floats) -> Floats:
     cling = 2.0 * np.arcsin(np.minimum(0.5 / np.maximum(slider[:, 1], 0.5), 1.0))
     change = (angle - laid + np.pi) % (2.0 * np.pi) - np.pi
     return np.where(np.abs(change) <= cling, laid, angle - np.copysign(cling, change))
+
+
+def slid_shear(yarns: YarnConstants, shear: Floats) -> Floats:
+    """Likewise the shears that woven triangles count as laid into once they stay at ``shear``, shape [T]."""
+    laid = 0.0 if yarns.laid is None else yarns.laid
+    change = shear - laid
+    return np.where(np.abs(change) <= yarns.clinging, laid, shear - np.copysign(yarns.clinging, change))

@@ -15,6 +15,7 @@ KES_FORCE = 490.3325  # [N/m], 500 gf/cm: the force per width at which KES-F rea
 KES_BENDING = 9.80665e-5  # [N m], 1 gf cm2/cm: the unit of KES-F's bending rigidity B
 KES_HYSTERESIS = 9.80665e-3  # [N], 1 gf cm/cm: the unit of 2HB, the width of KES-F's bending loop
 KES_SHEAR = 0.980665 / math.radians(1.0)  # [N/m per radian], 1 gf/(cm degree): the unit of KES-F's shear stiffness G
+KES_SHEAR_HYSTERESIS = 0.980665  # [N/m], 1 gf/cm: the unit of 2HG, the width of KES-F's shear loop at half a degree
 FAST_FORCE = 5 * 0.980665  # [N/m], 5 gf/cm: FAST reads the extension at this and at four times this
 FAST_SHEAR = 123.0  # [N/m per radian] over EB5 [%], the bias extension at 5 gf/cm (SiroFAST manual)
 
@@ -72,6 +73,11 @@ def friction_of_hysteresis(width: float) -> float:
     return 0.5 * width * KES_HYSTERESIS
 
 
+def shear_friction_of_hysteresis(width: float) -> float:
+    """Force per width that friction resists as yarns are sheared [N/m], from 2HG [gf/cm]: half of it each way."""
+    return 0.5 * width * KES_SHEAR_HYSTERESIS
+
+
 _HYSTERESIS = ("gf cm/cm", (0.0, 1e3), friction_of_hysteresis)
 _EMT = ((0.05, 300.0), stretch_of_emt)
 _MM = ((0.0, 50.0), lambda value: value * 1e-3)
@@ -91,6 +97,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
         "bending_hysteresis_2HB": Figure(("bending_friction_warp", "bending_friction_weft"), *_HYSTERESIS),
         "bending_hysteresis_2HB_warp": Figure(("bending_friction_warp",), *_HYSTERESIS),
         "bending_hysteresis_2HB_weft": Figure(("bending_friction_weft",), *_HYSTERESIS),
+        "shear_hysteresis_2HG": Figure(("shear_friction",), "gf/cm", (0.0, 1e3), shear_friction_of_hysteresis),
         "thickness_mm": Figure(("thickness",), "mm", *_MM),
     }
 )

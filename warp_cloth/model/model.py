@@ -141,7 +141,7 @@ def build_model(
     avatar_friction = tuple(avatar_friction or [0.0] * (len(item_start) - 1))
     offset = tuple(offset or [0.0] * (len(item_start) - 1))
     hinges, hinge_count = _hinges(types, upload, rests, vertex_start, terms, cache)
-    weave = _weave(types, upload, rests, vertex_start, cache)
+    weave = _weave(types, upload, rests, vertex_start, terms, cache)
     patches = None
     if wp.get_device(device).is_cuda if gathers is None else gathers:
         points = [garment.points for garment in garments]
@@ -220,6 +220,8 @@ def _triangles(
     if terms.yarns:
         triangles.slope = upload([each.slope for each in garments], types.vec4)
         triangles.yarns = upload([each.yarns for each in garments], types.vec4)
+    if terms.shear_hysteresis:
+        triangles.shear_hysteresis = upload([each.shear_hysteresis for each in garments], types.vec3)
     return triangles
 
 
@@ -263,7 +265,7 @@ def _stiff_hinges(
 
 
 def _weave(
-    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], cache: Cache
+    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], terms: Terms, cache: Cache
 ) -> Any | None:
     """Woven triangles of all garments."""
     woven = [(rest.yarns, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.yarns is not None]
@@ -274,13 +276,15 @@ def _weave(
     def rounded(yarns: YarnConstants, name: str) -> NDArray[Any]:
         return np.asarray(getattr(yarns, name).astype(real))
 
-    def uploaded(name: str) -> wp.array:
+    def uploaded(name: str, dtype: type = types.vec4) -> wp.array:
         each = [cache.get_or_make(name, (shape,), partial(rounded, shape, name), types.name) for shape, _ in woven]
-        return upload(each, types.vec4)
+        return upload(each, dtype)
 
     weave = types.Weave()
     weave.corners = upload([shape.corners for shape, _ in woven], wp.vec3i, starts=[first for _, first in woven])
     weave.slope, weave.yarns = uploaded("slope"), uploaded("packed")
+    if terms.shear_hysteresis:
+        weave.shear_hysteresis = uploaded("slider", types.vec3)
     return weave
 
 

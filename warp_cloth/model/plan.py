@@ -38,6 +38,12 @@ def make_plan(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
             "the fabric's bending_hysteresis_2HB",
             "no fabric states bending_hysteresis_2HB",
         ),
+        _term(
+            "shear friction",
+            terms.shear_hysteresis,
+            "the fabric's shear_hysteresis_2HG",
+            "no woven fabric states shear_hysteresis_2HG",
+        ),
         _term("pins", pins > 0, f"{pins} vertices are pinned", "no vertex is pinned"),
         Term("momentum", accelerated, f'solver.method = "{scene.solver.method}"'),
         *_avatar_terms(scene, outfit),

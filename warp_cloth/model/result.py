@@ -107,6 +107,7 @@ class WornGarment:
     fields     values per vertex, float32 [V], by name: the maps that were requested (strains as fractions, shear in
                degrees, pressure in kPa, gap in mm), and where crossings were found, their vertices
     fabric     where known
+    let_down   the other end of the band that friction lets it rest in [m], [V, 3]; None: not requested
     rest       the rest shape: ``edges`` [E, 2], ``edge_strain`` [E] and ``face_strains`` [F] come from it; these need
                no request, and are computed when they are first read
     """
@@ -119,6 +120,7 @@ class WornGarment:
     fields: dict[str, NDArray[np.float32]] = field(default_factory=dict)  # per-vertex values by name, shape [V]
     fabric: Fabric | None = None  # where known, written with the stage's physics
     rest: RestShape | None = None
+    let_down: Points | None = None  # [m], shape [V, 3]
 
     @property
     def edges(self) -> Indices:

@@ -57,7 +57,8 @@ class AnisotropicStep:
             self._none = [(fours, none[:4]), (twos, none[4:])]
         self.forget(range(model.item_count))
         terms = model.terms
-        scatters = model.patches is None and terms.yarns and not (terms.edges or terms.angles or terms.hysteresis)
+        own = terms.edges or terms.angles or terms.hysteresis or terms.shear_hysteresis
+        scatters = model.patches is None and terms.yarns and not own
         packets = scatters and takes_packets(model, min(model.triangle_count, model.edge_count))
         self._update: _GatheredUpdate | ScatteredUpdate = (
             ScatteredUpdate(model) if packets else _GatheredUpdate(model, permutation, packed, active_set)

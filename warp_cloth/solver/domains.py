@@ -112,6 +112,8 @@ class _Around:
         if model.terms.yarns:
             triangles.slope = some(model.triangles.slope, near)
             triangles.yarns = some(model.triangles.yarns, near)
+        if model.terms.shear_hysteresis:
+            triangles.shear_hysteresis = some(model.triangles.shear_hysteresis, near)
         return replace(
             model,
             vertices=vertices,

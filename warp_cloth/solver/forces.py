@@ -79,7 +79,7 @@ class ForcePass:
             kernel, size = edges_kernel(*asked, WIDTH if packets else 1), pass_size(edges, packets)
             self._passes.append((kernel, size, [model.edges, normal], [fold, load]))
         if terms.folds or terms.yarns:
-            packets = iterates and takes_packets(model, triangles)
+            packets = iterates and not terms.shear_hysteresis and takes_packets(model, triangles)
             kernel, size = triangles_kernel(*asked, WIDTH if packets else 1), pass_size(triangles, packets)
             read = [model.triangles, normal, sides if packets else no_sides, fold]
             self._passes.append((kernel, size, read, [load]))

@@ -22,7 +22,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from measured import Figures, add_write_option
 
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.bench.trials import DRAPED, HUNG, drape, let_down
+from warp_cloth.bench.trials import DRAPED, drape, let_down
+from warp_cloth.garment.laid import HUNG
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.material.hysteresis import CLINGING
 from warp_cloth.material.laboratory import GRAVITY

@@ -20,9 +20,11 @@ from measured import Figures, add_write_option
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.bench.specimen import Specimen, laid_by
+from warp_cloth.bench.specimen import Specimen
 from warp_cloth.bench.swatch import strip as regular_strip
+from warp_cloth.garment.laid import laid_by
 from warp_cloth.material.fabric import Fabric
+from warp_cloth.material.hysteresis import Laid
 from warp_cloth.material.laboratory import GRAVITY, bending_of_rigidity
 from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.step_options import StepOptions
@@ -110,7 +112,7 @@ def settled(run: Run) -> Settled:
     place = unit * _started(strip, s / unit)
     clamped, start = np.flatnonzero(held).astype(np.int32), np.column_stack([flat[:, 0], place[:, 1], place[:, 0]])
 
-    def specimen(weight: float, laid: Floats | None) -> Specimen:
+    def specimen(weight: float, laid: Laid | None) -> Specimen:
         fabric, options = replace(run.fabric, weight=weight), StepOptions(method=run.method)
         return Specimen(mesh, fabric, clamped, weightless=False, device=run.device, options=options, laid=laid)
 

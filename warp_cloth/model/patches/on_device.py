@@ -217,6 +217,8 @@ def _tables(
     if terms.yarns:
         tables.slope = constant("slope", types.vec4)
         tables.yarns = constant("yarns", types.vec4)
+    if terms.shear_hysteresis:
+        tables.shear_hysteresis = constant("shear_hysteresis", types.vec3)
     return tables
 
 
@@ -243,6 +245,8 @@ def _patch_constants(elements: Elements, tables: PatchTables, terms: Terms) -> d
         found["hysteresis"] = elements.hysteresis[tables.edge]
     if terms.yarns:
         found["slope"], found["yarns"] = elements.slope[tables.triangle], elements.yarns[tables.triangle]
+    if terms.shear_hysteresis:
+        found["shear_hysteresis"] = elements.shear_hysteresis[tables.triangle]
     return found
 
 

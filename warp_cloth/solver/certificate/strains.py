@@ -11,6 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.base.quantiles import quantiles
+from warp_cloth.kernels.base.options import Terms
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.certificate.energy import measure_bending_kernel, measure_tension_kernel, measure_weave_kernel
 from warp_cloth.model.model import ClothModel
@@ -44,9 +45,9 @@ def measured_strains(model: ClothModel) -> Strains:
     return Strains(_measure_tension(model)[1].numpy(), _measure_weave(model)[1].numpy().reshape(-1, 4))
 
 
-def strain_kernels(precision: str) -> list[wp.Kernel]:
+def strain_kernels(precision: str, terms: Terms) -> list[wp.Kernel]:
     """The kernels that measure strains."""
-    return [measure_tension_kernel(precision), measure_weave_kernel(precision)]
+    return [measure_tension_kernel(precision), measure_weave_kernel(precision, terms)]
 
 
 def edge_strains(model: ClothModel) -> NDArray[np.float64]:
@@ -83,7 +84,7 @@ def _measure_weave(model: ClothModel) -> tuple[wp.array, wp.array]:
     energy = wp.zeros(model.weave_count, dtype=wp.float64, device=model.device)
     stretch = wp.zeros(model.weave_count, dtype=cloth_types(model.precision).vec4, device=model.device)
     if model.weave is not None:
-        kernel = measure_weave_kernel(model.precision)
+        kernel = measure_weave_kernel(model.precision, model.terms)
         wp.launch(
             kernel, dim=model.weave_count, inputs=[model.state, model.weave, energy, stretch], device=model.device
         )
