@@ -92,6 +92,7 @@ class Named:
     kind: str = ""
     side: int = BOTH
     panel: str = ""  # SIDE_PANEL of a front or back, UNDER_SLEEVE of a sleeve
+    sure: float = 0.97  # of the kind
 
 
 def plain(text: str) -> str:

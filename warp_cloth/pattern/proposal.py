@@ -305,6 +305,7 @@ def _leftovers(parts: Sequence[Part], used: set[Side]) -> Iterable[Joint]:
             shares = notch_fractions(parts[one.panel], one.edge)
             there = 1.0 - notch_fractions(parts[other.panel], other.edge)[::-1]
             notched = len(shares) >= 2 and len(shares) == len(there)
+            notched = notched and other.panel != parts[one.panel].twin  # a mirror image has the same notches
             if notched and float(np.abs(shares - there).max()) * length[one] < 2e-3 and len(alike) == 1:
                 sure = 0.8
             yield Joint((one,), (other,), round(sure, 3), f"of one length, {length[one] * 1e3:.0f} mm")
