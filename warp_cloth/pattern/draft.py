@@ -230,7 +230,7 @@ def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool) -> Roles
         return sleeve_roles(shape)
     if kind == "hood":
         return hood_roles(shape)
-    if kind in ("skirt_front", "skirt_back"):
+    if kind.removeprefix("side_") in ("skirt_front", "skirt_back"):
         return skirt_roles(shape)
     return strip_roles(shape) if kind in STRIPS and is_strip(shape) else {}
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.draft import Part
+from warp_cloth.pattern.draft import STRIPS, Part
 from warp_cloth.pattern.figure import UP, Figure
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, LEFT
@@ -27,7 +27,10 @@ REACH = 0.05  # [m] that a part beyond a seam is taken to go on as the one befor
 
 def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> tuple[Wrap, ...]:
     """Where each part starts."""
-    found: list[Wrap | None] = [_by_kind(parts, joints, index, figure) for index in range(len(parts))]
+    found: list[Wrap | None] = [_by_kind(parts, index, figure) for index in range(len(parts))]
+    bands = [index for index, part in enumerate(parts) if part.kind in STRIPS]  # where what they are sewn to starts
+    for index, wrap in [(index, band(parts, joints, found, index, figure)) for index in bands]:
+        found[index] = wrap
     for _ in range(len(parts)):
         missing = [index for index, wrap in enumerate(found) if wrap is None]
         if not missing:
@@ -40,25 +43,23 @@ def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> 
     return tuple(wrap or _aside(parts[index], figure, index) for index, wrap in enumerate(found))
 
 
-def _by_kind(parts: Sequence[Part], joints: Sequence[Joint], index: int, figure: Figure) -> Wrap | None:
+def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
     part = parts[index]
     by_kind: dict[str, Callable[[], Wrap | None]] = {
         "front": lambda: _trunk(part, figure, True, _side_panel_width(parts, index)),
         "back": lambda: _trunk(part, figure, False, _side_panel_width(parts, index)),
         "side_front": lambda: _side_panel(parts, index, figure, True),
         "side_back": lambda: _side_panel(parts, index, figure, False),
-        "skirt_front": lambda: _trunk(part, figure, True),
-        "skirt_back": lambda: _trunk(part, figure, False),
+        "skirt_front": lambda: _trunk(part, figure, True, _side_panel_width(parts, index)),
+        "skirt_back": lambda: _trunk(part, figure, False, _side_panel_width(parts, index)),
+        "side_skirt_front": lambda: _side_panel(parts, index, figure, True),
+        "side_skirt_back": lambda: _side_panel(parts, index, figure, False),
         "leg_front": lambda: _leg(part, figure, True),
         "leg_back": lambda: _leg(part, figure, False),
         "leg": lambda: _whole_leg(part, figure),
         "sleeve": lambda: sleeve(parts, index, figure),
         "under_sleeve": lambda: under_sleeve(parts, index, figure),
         "hood": lambda: _hood(part, figure),
-        "collar": lambda: band(parts, joints, index, figure),
-        "waistband": lambda: band(parts, joints, index, figure),
-        "hem_band": lambda: band(parts, joints, index, figure),
-        "cuff": lambda: band(parts, joints, index, figure),
     }
     return by_kind[part.kind]() if part.kind in by_kind else None
 
@@ -91,10 +92,15 @@ def _side_panel_width(parts: Sequence[Part], index: int) -> float:
 
 def _trunk(part: Part, figure: Figure, is_front: bool, side_panels: float = 0.0) -> Wrap:
     levels, least, most = spans(part)
-    top = float(figure.middle[1]) if part.kind.startswith("skirt") else float(figure.neck[1])
+    top = _top(part, figure)
     centre = np.full(LEVELS, _middle_of(part, is_front, least, most))
     half = np.maximum(most - centre, centre - least) + side_panels
     return _round_trunk(part, figure, is_front, levels, centre, half, top + levels - levels[-1])
+
+
+def _top(part: Part, figure: Figure) -> float:
+    """The height at which the top of a front or back starts."""
+    return float(figure.middle[1] if "skirt" in part.kind else figure.neck[1])
 
 
 def _round_trunk(
@@ -110,7 +116,7 @@ def _round_trunk(
 def _side_panel(parts: Sequence[Part], index: int, figure: Figure, is_front: bool) -> Wrap | None:
     """As the middle panel goes on: the princess seams of both at one place, from their tops down."""
     part = parts[index]
-    face = "front" if is_front else "back"
+    face = part.kind.removeprefix("side_")
     middle = next((each[0] for each in faces_of(parts, face) if index in each), None)
     own = part.roles.get("princess", ())
     there = () if middle is None or part.side == BOTH else role_of(parts, middle, "princess", part.side)
@@ -123,7 +129,7 @@ def _side_panel(parts: Sequence[Part], index: int, figure: Figure, is_front: boo
     reach = np.interp(up, other[:, 1], other[:, 0]) - _middle_of(parts[middle], is_front, its_least, its_most)
     centre = np.interp(levels, seam[:, 1], seam[:, 0]) - reach - GAP * np.sign(reach)
     half = np.maximum(most - centre, centre - least)
-    return _round_trunk(part, figure, is_front, levels, centre, half, float(figure.neck[1]) + up - high[-1])
+    return _round_trunk(part, figure, is_front, levels, centre, half, _top(part, figure) + up - high[-1])
 
 
 def _run_points(part: Part, run: Sequence[int]) -> Floats:

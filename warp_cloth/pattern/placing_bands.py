@@ -19,8 +19,10 @@ from warp_cloth.pattern.wrap import Wrap
 BESIDE_FOOT = 0.2  # [m] from the toes to a cuff of trousers
 
 
-def band(parts: Sequence[Part], joints: Sequence[Joint], index: int, figure: Figure) -> Wrap | None:
-    """A band as a ring, its ends where its joint begins."""
+def band(
+    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Wrap | None], index: int, figure: Figure
+) -> Wrap | None:
+    """A band as a ring, its ends where its joint begins; ``found``: where other parts start."""
     part = parts[index]
     low, high = part.shape.box
     size = high - low
@@ -52,10 +54,11 @@ def band(parts: Sequence[Part], joints: Sequence[Joint], index: int, figure: Fig
     across, out = repeated(np.cross(UP, outward), outward, 2)
     if part.kind == "collar":
         middle[:, [0, 2]] = figure.neck[[0, 2]]
-    else:  # an ellipse outside the hips, however tight the band is
-        middle += 0.5 * (figure.front - figure.back) * figure.forward
-        out = out * max(1.0, figure.half_width * bend)
-        across = across * max(1.0, 0.5 * (figure.front + figure.back) * bend)
+    else:  # an ellipse as wide and deep as what it is sewn to: wider, it would fold down
+        half, deep, ahead = _extent(parts, joints, found, index, figure)
+        middle += ahead * figure.forward
+        out = out * max(1.0, half * bend)
+        across = across * max(1.0, deep * bend)
     return Wrap(along, levels, centre, np.full(2, bend), middle + out / bend, across, out)
 
 
@@ -69,6 +72,25 @@ def _is_sewn_high(parts: Sequence[Part], joints: Sequence[Joint], index: int, al
     spots = np.concatenate([edge.points for edge in edges]) @ along
     own = np.concatenate([edges[side.edge].points for side in run]) @ along
     return bool(own.mean() > 0.5 * (spots.min() + spots.max()))
+
+
+def _extent(
+    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Wrap | None], index: int, figure: Figure
+) -> tuple[float, float, float]:
+    """Half the width and depth of what a band is sewn to, and how far ahead its middle is [m]; else of the trunk."""
+    spots = [
+        wrap.placed(parts[side.panel].edges[side.edge].at(np.linspace(0.0, 1.0, 9)))
+        for joint in joints
+        for mine, theirs in ((joint.one, joint.other), (joint.other, joint.one))
+        if any(side.panel == index for side in mine)
+        for side in theirs
+        if side.panel != index and (wrap := found[side.panel]) is not None
+    ]
+    if not spots:
+        return figure.half_width, 0.5 * (figure.front + figure.back), 0.5 * (figure.front - figure.back)
+    off = np.concatenate(spots) - figure.middle
+    aside, ahead = off @ figure.left, off @ figure.forward
+    return 0.5 * float(np.ptp(aside)), 0.5 * float(np.ptp(ahead)), 0.5 * float(ahead.min() + ahead.max())
 
 
 def _cuff(
