@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from dxf_patterns import Drafted, Point, bezier, half_body, length, line, middle, sleeve
+from dxf_patterns import Drafted, Point, band, bezier, half_body, length, line, middle, sleeve
 
 
 def cut_at(curve: list[Point], share: float) -> tuple[list[Point], list[Point]]:
@@ -91,11 +91,42 @@ def jacket(grade: float = 0.0) -> list[Drafted]:
     ]
 
 
-PANELLED = {"princess": princess, "jacket": jacket}
+def banded(grade: float = 0.0) -> list[Drafted]:
+    """The top with princess seams, and a band at its hem."""
+    pieces = princess(grade)
+    hem = 2.0 * sum(length(piece.edges[0]) for piece in pieces[:4])
+    return [*pieces, band("HEM BAND", 0.95 * hem, 6.0)]
+
+
+def panelled_skirt(grade: float = 0.0) -> list[Drafted]:
+    """A skirt of six panels with a waistband: middle ones on the fold, side ones curved at the hip."""
+    pieces, waist = [], 0.0
+    for face, narrow in (("FRONT", 0.0), ("BACK", 0.6)):
+        top, hem, high = 11.0 - narrow + 0.4 * grade, 17.0 - narrow + 0.5 * grade, 58.0
+        inner = line((hem, 0.0), (top, high))
+        fold = ((0.0, high), (0.0, 0.0))
+        edges = [line((0.0, 0.0), (hem, 0.0)), inner, line((top, high), fold[0]), line(*fold)]
+        pieces.append(Drafted(f"SKIRT {face}", edges, "1", fold, [middle(inner, 0.5)]))
+        low, out = [(0.0, 0.0), (6.0, high)], (24.0 + 0.6 * grade, 0.8)
+        hip, tip = (out[0] - 4.5, high - 20.0), (17.0 - narrow + 0.6 * grade, high + 1.2)
+        outer = bezier(out, (out[0] - 2.0, 14.0), (hip[0] + 1.5, hip[1] - 8.0), hip)
+        outer = [*outer, *bezier(hip, (hip[0] - 1.0, hip[1] + 7.0), (tip[0] + 1.5, tip[1] - 6.0), tip)[1:]]
+        edges = [line(low[0], out), outer, line(tip, low[1]), line(low[1], low[0])]
+        pieces.append(Drafted(f"SKIRT SIDE {face}", edges, "2", None, [middle(edges[3], 0.5)]))
+        waist += 2.0 * (top + length(edges[2]))
+    return [*pieces, band("WAISTBAND", 0.98 * waist, 4.0)]
+
+
+PANELLED = {"princess": princess, "jacket": jacket, "banded": banded, "panelled_skirt": panelled_skirt}
 TRUE_PANELLED_SEAMS = {
     "princess": {"princess": 4, "shoulder": 2, "side": 2, "sleeve cap": 2, "underarm": 2},
     "jacket": {
         **{"princess": 4, "shoulder": 2, "side": 2, "sleeve cap": 2},
         **{"front sleeve seam": 2, "back sleeve seam": 2},
     },
+    "banded": {
+        **{"princess": 4, "shoulder": 2, "side": 2, "sleeve cap": 2, "underarm": 2},
+        **{"hem band": 1, "hem_band ends": 1},
+    },
+    "panelled_skirt": {"princess": 4, "side": 2, "waistband": 1, "waistband ends": 1},
 }

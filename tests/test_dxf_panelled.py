@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from dxf_panelled import PANELLED, TRUE_PANELLED_SEAMS
-from dxf_patterns import GRADES, TRUE_SEAMS, Style, tshirt, write
+from dxf_panelled import PANELLED, TRUE_PANELLED_SEAMS, panelled_skirt
+from dxf_patterns import GRADES, TRUE_SEAMS, Style, length, line, tshirt, write
 from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
@@ -69,9 +69,24 @@ def test_seams_of_panels_are_found_and_no_others(garment: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("garment", PANELLED)
-def test_panelled_tops_have_their_four_openings(garment: str, tmp_path: Path) -> None:
+def test_panelled_garments_have_their_openings(garment: str, tmp_path: Path) -> None:
     path = write(tmp_path / "panels.dxf", {"M": PANELLED[garment](0.0)})
-    assert boundary_loops(path, DraftOptions()) == 4
+    assert boundary_loops(path, DraftOptions()) == (2 if "skirt" in garment else 4)
+
+
+def test_side_panels_of_a_skirt_that_fit_either_way_round_are_not_sewn(tmp_path: Path) -> None:
+    """Their long edges as long as each other, and no notches."""
+    pieces = []
+    for piece in panelled_skirt():
+        if "SIDE" in piece.name:
+            inner, out, tip = piece.edges[3], (22.0, 0.0), (17.5, 58.14)
+            edges = [line(inner[1], out), line(out, tip), line(tip, inner[0]), inner]
+            assert abs(length(edges[1]) - length(inner)) < 0.1
+            piece = replace(piece, edges=edges)
+        pieces.append(replace(piece, notches=[]))
+    draft = read_drafted(write(tmp_path / "doubt.dxf", {"M": pieces}))
+    assert not any(joint.reason.startswith(("princess", "side")) for joint in draft.joints)
+    assert {"princess", "side"} <= {joint.reason.split(",")[0] for joint in draft.unsewn}
 
 
 def test_of_two_seams_that_fit_alike_none_is_sewn(tmp_path: Path) -> None:

@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.openings import ARMS, LEGS
-from warp_cloth.anatomy.skeleton import TRUNK, Skeleton, outward_of
+from warp_cloth.anatomy.raising import raised_arm
+from warp_cloth.anatomy.skeleton import TRUNK, Skeleton
 from warp_cloth.base.curves import arc_lengths, resampled
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.dressing.routes import smoothed
 
 STATIONS = 60  # along each curve
 SMOOTHING = 3  # times that tangents are smoothed
-# From down, of upper arms that come home last: sleeveless cloth lies on the shoulders then.
-ARMS_AWAY = np.radians(42.0)
 ROOT = 20  # points along the part of a limb's curve that leads from the spine to its joint
 
 
@@ -83,22 +82,12 @@ class PosedBody:
     @property
     def arms_away(self) -> list[Points] | None:
         """The curves at home, but with arms that hang raised to ARMS_AWAY from down; None: none hang."""
-        skeleton, curves, hang = self._skeleton, list(self.home), False
-        for arm in ARMS:
-            curve, joint = skeleton.curves[arm], skeleton.joints[arm]
-            upper = curve[joint : joint + (len(curve) - joint) // 2]
-            way, outward = upper[-1] - upper[0], outward_of(skeleton, arm)
-            turn = ARMS_AWAY - float(np.arctan2(way @ outward, -way @ skeleton.up))
-            if not 0.0 < turn < 2.0 * ARMS_AWAY:  # a raised arm may lie beyond the vertical, seen from the front
-                continue
-            hang = True
-            off = curve[joint:] - curve[joint]
-            across, along = off @ outward, off @ skeleton.up
-            aside = (np.cos(turn) - 1.0) * across - np.sin(turn) * along
-            above = np.sin(turn) * across + (np.cos(turn) - 1.0) * along
-            raised = curve[joint:] + aside[:, None] * outward + above[:, None] * skeleton.up
-            curves[arm] = resampled(smoothed(np.vstack([curve[:joint], raised]), 2), STATIONS)
-        return curves if hang else None
+        raised = {arm: raised_arm(self._skeleton, arm) for arm in ARMS}
+        hanging = {arm: curve for arm, curve in raised.items() if curve is not None}
+        curves = list(self.home)
+        for arm, curve in hanging.items():
+            curves[arm] = resampled(smoothed(curve, 2), STATIONS)
+        return curves if hanging else None
 
     @staticmethod
     def between(first: Sequence[Points], last: Sequence[Points], fraction: float) -> list[Points]:

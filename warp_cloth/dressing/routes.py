@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from warp_cloth.anatomy.linking import Wearing
-from warp_cloth.anatomy.openings import ARMS, LEGS
+from warp_cloth.anatomy.linking import Wearing, curve_crossings, misplaced_openings
+from warp_cloth.anatomy.openings import ARMS, LEGS, Opening
+from warp_cloth.anatomy.raising import raised_arm
 from warp_cloth.anatomy.skeleton import LIMBS, Skeleton, outward_of
 from warp_cloth.base.curves import arc_lengths, points_along, resampled
 from warp_cloth.base.mesh import Points
@@ -35,13 +36,15 @@ class Route:
     curve: Points  # from the trunk to the tip [m], shape [N, 3]
     turned: float  # how far an arm had to be turned up to keep clear of cloth [degrees]
     armhole: float | None = None  # along the curve, where it passes an armhole without a sleeve [m]
+    is_raised: bool = False  # an arm that hangs, only raised to be in its sleeve
 
 
 def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
     """A route for each limb in a garment that starts at ``points`` [m]; None: the limb stays as it is.
 
-    A limb with an opening of its own goes through it, by the way that keeps clearest of cloth; an arm without one is
-    turned up until it is clear of all cloth.
+    A limb with an opening of its own goes through it, by the way that keeps clearest of cloth, but an arm that hangs
+    and that only need be raised to be in its sleeve is raised; an arm without an opening is turned up until it is clear
+    of all cloth.
     """
     skeleton = wearing.skeleton
     space = FreeSpace.around(points, wearing.triangles)
@@ -54,7 +57,9 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
         ends = [space.clearest(points[opening.loop].mean(axis=0), ACROSS) for _, opening in own]
         ways = space.paths(space.clearest(middle, INSIDE), ends)
         for (limb, opening), way in zip(own, ways, strict=True):
-            if way is not None:
+            if limb in ARMS:
+                routes[limb] = _in_sleeve(limb, opening, wearing, points)
+            if way is not None and routes[limb] is None:
                 routes[limb] = _through(way, limb, points[opening.loop], skeleton, space)
     for arm in ARMS:
         if routes[arm] is None:
@@ -64,6 +69,23 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
             if routes[leg] is None:
                 routes[leg] = _lowered(leg, skeleton)
     return routes
+
+
+def _in_sleeve(arm: int, opening: Opening, wearing: Wearing, points: Points) -> Route | None:
+    """An arm that hangs, raised; None: it is not in its sleeve so, or runs through cloth.
+
+    A way over the cells of free space would lead round a sleeve that is narrower than these.
+    """
+    skeleton = wearing.skeleton
+    curve = raised_arm(skeleton, arm)
+    if curve is None or _is_armhole(points[opening.loop], arm, skeleton):
+        return None
+    if curve_crossings(points, wearing.triangles, curve):
+        return None
+    curves = tuple(curve if limb == arm else each for limb, each in enumerate(skeleton.curves))
+    raised = replace(skeleton, curves=curves)
+    off = misplaced_openings([opening], [(arm,)], points, wearing.triangles, raised)
+    return None if off else Route(curve, 0.0, is_raised=True)
 
 
 def _through(way: Points, limb: int, loop: Points, skeleton: Skeleton, space: FreeSpace) -> Route:

@@ -155,6 +155,8 @@ class _Dressing:
         self._body = PosedBody(avatar, wearing.skeleton)
         routes = limb_routes(wearing, garment.points)
         has_armholes = any(route is not None and route.armhole is not None for route in routes)
+        # arms that are only raised in their sleeves take these and the cloth next to them along as they come down
+        self._moved = [arm for arm in ARMS if not (each := routes[arm]) or not each.is_raised]
         limbs, trunk = curves_of(routes, wearing.skeleton, STATIONS), self._body.home[TRUNK]
         if all((leg,) in wearing.limbs for leg in LEGS):  # trousers are sewn below the trunk's end
             trunk = self._body.trunk_up_to(limbs[LEGS[0]][0])
@@ -185,7 +187,8 @@ class _Dressing:
     def in_the_way(self) -> bool:
         """Whether cloth that is far from an arm's opening lies where the arm is at home."""
         points, home = self._points, self._body.home
-        return any(curve_crossings(points, far, home[arm]) > 0 for arm, far in zip(ARMS, self._no_sleeves, strict=True))
+        far = dict(zip(ARMS, self._no_sleeves, strict=True))
+        return any(curve_crossings(points, far[arm], home[arm]) > 0 for arm in self._moved)
 
     @property
     def could_slide(self) -> bool:

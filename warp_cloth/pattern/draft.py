@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.pattern.by_shape import are_mirrored, told_by_shape
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, SIDE_PANEL, UNDER_SLEEVE, named, without_side
@@ -35,7 +37,7 @@ STRIPS = ("collar", "cuff", "waistband", "hem_band")
 SINGLE = ("front", "back", "collar", "waistband", "hem_band", "yoke", "skirt_front", "skirt_back")
 MIRROR = np.diag([-1.0, 1.0])
 UPWARDS = np.array([0.0, 1.0])
-BY_NAME, BY_SHAPE = 0.97, 0.85  # how sure a kind is
+BY_SHAPE = 0.85  # how sure it is of what no name tells
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +83,9 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
             listed = ", ".join(f'"{short(each)}"' for each in names[:12])
             raise InputError(f"{file}: piece", f'there is no piece "{short(name)}"', f"the pieces are {listed}")
     parts: list[Part] = []
-    notes: list[str] = []
+    left_out = [piece for piece in pieces if stated.get(piece.name, Stated()).place == "none"]
+    told, notes = told_by_shape([piece for piece in pieces if piece not in left_out])
+    pieces = [*told, *left_out]
     panelled = _panelled(pieces, stated)
     for piece in _unique(pieces, notes):
         said = stated.get(piece.name, Stated())
@@ -165,7 +169,7 @@ def _panelled(pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> frozense
 
 
 def _part(piece: Piece, said: Stated, panelled: frozenset[str]) -> Part:
-    kind, side, sure = piece.what.kind, piece.what.side, BY_NAME
+    kind, side, sure = piece.what.kind, piece.what.side, piece.what.sure
     if said.place is not None:
         kind, stated_side = PLACES[said.place]
         side = stated_side or side
@@ -226,7 +230,7 @@ def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool) -> Roles
         return sleeve_roles(shape)
     if kind == "hood":
         return hood_roles(shape)
-    if kind in ("skirt_front", "skirt_back"):
+    if kind.removeprefix("side_") in ("skirt_front", "skirt_back"):
         return skirt_roles(shape)
     return strip_roles(shape) if kind in STRIPS and is_strip(shape) else {}
 
@@ -275,13 +279,26 @@ def _mirrored(part: Part, drawn: bool) -> Part:
 
 
 def _twins(parts: list[Part]) -> list[Part]:
-    """The parts, with those that are drawn as left and right of one pair made twins."""
+    """The parts, with those that are drawn as left and right of one pair made twins, by their names or shapes."""
     names: dict[tuple[str, str], list[int]] = {}
     for index, part in enumerate(parts):
         if part.twin is None and named(part.name).side != BOTH:
             names.setdefault((without_side(part.name), part.kind), []).append(index)
-    for pair in names.values():
-        if len(pair) == 2 and len(parts[pair[0]].edges) == len(parts[pair[1]].edges):
-            one, other = pair
-            parts[one], parts[other] = replace(parts[one], twin=other), replace(parts[other], twin=one)
+    for own in names.values():
+        if len(own) == 2 and len(parts[own[0]].edges) == len(parts[own[1]].edges):
+            _pair_up(parts, *own)
+    bare = [index for index, part in enumerate(parts) if part.twin is None and part.mirror is None and part.kind]
+    drawn = [pair for pair in combinations(bare, 2) if _is_pair(*(parts[index] for index in pair))]
+    for pair in drawn:
+        if sum(bool({*pair} & {*other}) for other in drawn) == 1:
+            _pair_up(parts, *pair)
     return parts
+
+
+def _is_pair(one: Part, other: Part) -> bool:
+    apart = one.side != other.side or one.side == BOTH
+    return one.kind == other.kind and apart and are_mirrored(one.edges, other.edges)
+
+
+def _pair_up(parts: list[Part], one: int, other: int) -> None:
+    parts[one], parts[other] = replace(parts[one], twin=other), replace(parts[other], twin=one)

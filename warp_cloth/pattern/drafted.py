@@ -18,6 +18,7 @@ from warp_cloth.pattern.joints import Joint, StatedSeam, cut, side_text, stated_
 from warp_cloth.pattern.pieces import SIZES, Piece, pieces_of
 from warp_cloth.pattern.placing import wraps_of
 from warp_cloth.pattern.proposal import SEWN_FROM, proposed_joints
+from warp_cloth.pattern.skirt_panels import with_skirt_panels
 from warp_cloth.pattern.specification import Edge, Panel, Pattern, Stitch, short
 
 ADVICE = "draw it with `warp-cloth pattern`, and state the seams that it needs ([[garment.seam]])"
@@ -59,7 +60,8 @@ def read_draft(file: str, data: bytes, options: DraftOptions) -> Draft:
     notes = [*told, *(note for piece in chosen for note in piece.notes)]
     if options.size is None and len(sizes) > 1:
         notes.append(f"size {size} of {', '.join(sizes)}: state garment.size for another")
-    parts, decided = parts_of(file, chosen, options.pieces)
+    found, decided = parts_of(file, chosen, options.pieces)
+    parts = tuple(with_skirt_panels(found))
     notes += decided
     unsewn: tuple[Joint, ...] = ()
     if options.seams:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, TRUNK, skeleton_of
+from warp_cloth.anatomy.raising import raised_arm
+from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, TRUNK, Skeleton, skeleton_of
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.pattern.curve import Floats
@@ -15,6 +16,8 @@ CLEAR = 0.03  # [m] between the trunk and cloth laid round it
 UP = np.array([0.0, 1.0, 0.0])
 HAND, ANKLE = 0.11, 0.055  # of the span: length of a hand, height of an ankle above the sole
 NARROW = 0.05  # of the span: how far from the middle the crotch is looked for
+SHOULDER = (0.05, 0.07)  # of the span: how far from the middle shoulders are next to the neck
+ABOVE_SHOULDER = 0.05  # [m] from there to where the top of a front or back starts; armholes then lie round the arms
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +27,12 @@ class Figure:
     left: Floats  # the wearer's, a level unit vector, shape [3]
     forward: Floats
     middle: Floats  # of the trunk at the waist, shape [3]
-    neck: Floats  # the middle of the neck where it is narrowest, shape [3]
+    neck: Floats  # the middle of the neck where necklines start, shape [3]
     crotch: float  # its height
     front: float  # from the trunk's middle to where cloth in front of it lies
     back: float
     half_width: float  # from the middle to where cloth beside the hips lies
-    arms: tuple[Floats, Floats]  # shape [N, 3] each
+    arms: tuple[Floats, Floats]  # shape [N, 3] each; raised clear of the trunk where they hang
     legs: tuple[Floats, Floats]
     half_head: float
     to_wrist: float  # along an arm
@@ -59,8 +62,12 @@ def figure_of(body: Mesh | None) -> Figure:
     slim = trunk[np.abs((trunk - middle) @ left) < NARROW * skeleton.span]
     low = trunk[trunk[:, 1] < middle[1]]
     head = body.points[skeleton.limb == HEAD]
-    neck = skeleton.curves[HEAD][skeleton.joints[HEAD]]
-    limbs = [skeleton.curves[n][skeleton.joints[n] :] for n in (RIGHT_ARM, LEFT_ARM, RIGHT_LEG, LEFT_LEG)]
+    neck = _neckline(skeleton, body.points, middle, left)
+    curves = list(skeleton.curves)
+    for arm in (RIGHT_ARM, LEFT_ARM):  # cloth before and behind the trunk would lie across arms that hang
+        raised = raised_arm(skeleton, arm)
+        curves[arm] = curves[arm] if raised is None else raised
+    limbs = [curves[n][skeleton.joints[n] :] for n in (RIGHT_ARM, LEFT_ARM, RIGHT_LEG, LEFT_LEG)]
     return Figure(
         left,
         forward,
@@ -76,6 +83,16 @@ def figure_of(body: Mesh | None) -> Figure:
         min(float(arc_lengths(arm)[-1]) for arm in limbs[:2]) - HAND * skeleton.span,
         float(body.points[:, 1].min()) + ANKLE * skeleton.span,
     )
+
+
+def _neckline(skeleton: Skeleton, points: Floats, middle: Floats, left: Floats) -> Floats:
+    """Where the neck is narrowest, or lower where that is high above the shoulders, shape [3]."""
+    neck = skeleton.curves[HEAD][skeleton.joints[HEAD]].copy()
+    aside = np.abs((points - middle) @ left) / skeleton.span
+    low, high = SHOULDER
+    shoulders = points[(skeleton.limb != HEAD) & (low < aside) & (aside < high), 1]
+    neck[1] = min(neck[1], float(shoulders.max(initial=middle[1])) + ABOVE_SHOULDER)
+    return np.asarray(neck)
 
 
 def _nominal() -> Figure:

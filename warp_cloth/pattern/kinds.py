@@ -55,6 +55,8 @@ PLACES: dict[str, tuple[str, int]] = {
     "right_leg": ("leg", RIGHT),
     "skirt_front": ("skirt_front", BOTH),
     "skirt_back": ("skirt_back", BOTH),
+    "side_skirt_front": ("side_skirt_front", BOTH),
+    "side_skirt_back": ("side_skirt_back", BOTH),
     "hood": ("hood", BOTH),
     "left_hood": ("hood", LEFT),
     "right_hood": ("hood", RIGHT),
@@ -76,6 +78,8 @@ PAIRED = (
     "cuff",
     "side_front",
     "side_back",
+    "side_skirt_front",
+    "side_skirt_back",
 )  # cut twice where no number is stated
 
 
@@ -92,6 +96,7 @@ class Named:
     kind: str = ""
     side: int = BOTH
     panel: str = ""  # SIDE_PANEL of a front or back, UNDER_SLEEVE of a sleeve
+    sure: float = 0.97  # of the kind
 
 
 def plain(text: str) -> str:
@@ -123,7 +128,8 @@ def _named(name: str) -> Named:
     kind = found[0] if found else ""
     if kind in ("leg", "skirt"):
         face = next((each for each in found if each in ("front", "back")), "")
-        return Named(f"{kind}_{face}" if face else kind, side)
+        is_panel = kind == "skirt" and face and re.search(SIDE_PANEL_WORDS, text)
+        return Named(f"{kind}_{face}" if face else kind, side, SIDE_PANEL if is_panel else "")
     if kind in ("front", "back") and re.search(SIDE_PANEL_WORDS, text):
         return Named(kind, side, SIDE_PANEL)
     if kind == "sleeve" and re.search(UNDER, text):

@@ -96,14 +96,18 @@ def _bodices(parts: Sequence[Part]) -> Iterable[Joint]:
                     one, other = face_run(parts, front, role, side), face_run(parts, back, role, side, True)
                     ease = (-0.06, 0.02) if role == "shoulder" else PLAIN_EASE
                     yield from joint_of(parts, one, other, role, ease)
-    for middle, *side_panels in (*fronts, *backs):
-        for panel in side_panels:
-            side = parts[panel].side
-            one = run_of(middle, role_of(parts, middle, "princess", side))
-            other = run_of(panel, parts[panel].roles.get("princess", ()), True)
-            yield from joint_of(parts, one, other, "princess", PRINCESS_EASE)
+    yield from _between_panels(parts, (*fronts, *backs))
     yield from _centres(parts, [face[0] for face in fronts], FRONT_CENTRE, "centre front")
     yield from _centres(parts, [face[0] for face in backs], 1.0, "centre back")
+
+
+def _between_panels(parts: Sequence[Part], faces: Iterable[tuple[int, ...]]) -> Iterable[Joint]:
+    """The seams between middle and side panels."""
+    for middle, *side_panels in faces:
+        for panel in side_panels:
+            one = run_of(middle, role_of(parts, middle, "princess", parts[panel].side))
+            other = run_of(panel, parts[panel].roles.get("princess", ()), True)
+            yield from joint_of(parts, one, other, "princess", PRINCESS_EASE)
 
 
 def _centres(
@@ -184,13 +188,14 @@ def _half_neck(parts: Sequence[Part], side: int) -> tuple[Side, ...]:
 
 
 def _skirts(parts: Sequence[Part]) -> Iterable[Joint]:
-    fronts, backs = parts_of_kind(parts, "skirt_front"), parts_of_kind(parts, "skirt_back")
+    fronts, backs = faces_of(parts, "skirt_front"), faces_of(parts, "skirt_back")
     for front in fronts:
         for back in backs:
             for side in (LEFT, RIGHT):
-                one, other = role_of(parts, front, "side", side), role_of(parts, back, "side", side)
-                if parts[front].side == BOTH and parts[back].side == BOTH:
-                    yield from joint_of(parts, run_of(front, one), run_of(back, other, True), "side")
+                if parts[front[0]].side == BOTH and parts[back[0]].side == BOTH:
+                    one, other = face_run(parts, front, "side", side), face_run(parts, back, "side", side, True)
+                    yield from joint_of(parts, one, other, "side")
+    yield from _between_panels(parts, (*fronts, *backs))
     for kind in ("front", "back"):
         for top in parts_of_kind(parts, kind):
             for skirt in parts_of_kind(parts, f"skirt_{kind}"):
@@ -260,16 +265,18 @@ def _around(
     parts: Sequence[Part], fronts: tuple[str, ...], backs: tuple[str, ...], role: str, low: bool
 ) -> tuple[Side, ...]:
     """The edges of this role all round the trunk, each against its direction, from a side or the centre back."""
-    runs: dict[tuple[bool, int], tuple[Side, ...]] = {}
+    runs: dict[tuple[bool, bool, int], tuple[Side, ...]] = {}
     for panel, part in enumerate(parts):
-        if part.kind in fronts or part.kind in backs:
+        kind = part.kind.removeprefix("side_")
+        if kind in fronts or kind in backs:
             run = run_of(panel, part.roles.get(role, ()), True)
-            if run and (part.kind in fronts, part.side) not in runs:
-                runs[part.kind in fronts, part.side] = run
+            if run:
+                runs.setdefault((kind in fronts, kind != part.kind, part.side), run)
     # upper edges run from the wearer's left to the right in front, so against them it is right to left
-    turn = [(True, RIGHT), (True, BOTH), (True, LEFT), (False, LEFT), (False, BOTH), (False, RIGHT)]
+    half = [(True, RIGHT), (False, RIGHT), (False, BOTH), (False, LEFT), (True, LEFT)]
     if low:
-        turn = [(True, LEFT), (True, BOTH), (True, RIGHT), (False, RIGHT), (False, BOTH), (False, LEFT)]
+        half = half[::-1]
+    turn = [(True, *each) for each in half] + [(False, *each) for each in half[::-1]]
     found = [runs[key] for key in turn if key in runs]
     faces = {key[0] for key in runs}
     return tuple(side for run in found for side in run) if len(faces) == 2 else ()
@@ -305,6 +312,7 @@ def _leftovers(parts: Sequence[Part], used: set[Side]) -> Iterable[Joint]:
             shares = notch_fractions(parts[one.panel], one.edge)
             there = 1.0 - notch_fractions(parts[other.panel], other.edge)[::-1]
             notched = len(shares) >= 2 and len(shares) == len(there)
+            notched = notched and other.panel != parts[one.panel].twin  # a mirror image has the same notches
             if notched and float(np.abs(shares - there).max()) * length[one] < 2e-3 and len(alike) == 1:
                 sure = 0.8
             yield Joint((one,), (other,), round(sure, 3), f"of one length, {length[one] * 1e3:.0f} mm")

@@ -39,12 +39,12 @@ def joint_of(
     more = length_of(parts, one) / max(length_of(parts, other), 1e-9) - 1.0
     beyond = max(ease[0] - more, more - ease[1], 0.0)
     kinds = min(parts[side.panel].sure for side in (*one, *other))
-    confidence = sure * kinds * float(np.clip(1.0 - 3.0 * beyond, 0.0, 1.0)) * _notches_agree(parts, one, other)
+    confidence = sure * kinds * float(np.clip(1.0 - 3.0 * beyond, 0.0, 1.0)) * notches_agree(parts, one, other)
     note = f"{reason}, {length_of(parts, one) * 1e3:.0f} to {length_of(parts, other) * 1e3:.0f} mm"
     return [Joint(one, other, round(confidence, 3), note)]
 
 
-def _notches_agree(parts: Sequence[Part], one: Sequence[Side], other: Sequence[Side]) -> float:
+def notches_agree(parts: Sequence[Part], one: Sequence[Side], other: Sequence[Side]) -> float:
     """1.02 where notches of both sides meet, 0.97 where both have notches that do not; 1 where a side has none."""
     spots = []
     for run, against in ((one, False), (other, True)):
@@ -68,7 +68,7 @@ def parts_of_kind(parts: Sequence[Part], *kinds: str) -> list[int]:
 
 def side_mark(part: Part, side: int) -> str:
     """The side of a whole piece's own frame that is on this side of the wearer: a back is seen from behind."""
-    high = side == LEFT if part.kind in ("front", "skirt_front", "side_front") else side == RIGHT
+    high = side == LEFT if part.kind in ("front", "skirt_front", "side_front", "side_skirt_front") else side == RIGHT
     return "+" if high else "-"
 
 

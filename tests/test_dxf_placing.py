@@ -1,0 +1,54 @@
+"""Where the pieces of a DXF pattern start: bands at the edges that they are sewn to, sleeves clear of the trunk."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dxf_patterns import hooded, write
+
+from warp_cloth.anatomy.openings import ARMS
+from warp_cloth.dressing.routes import limb_routes
+from warp_cloth.garment.outfit import load_outfit
+from warp_cloth.pattern import load_pattern
+from warp_cloth.scene import load_scene
+
+EDGE = 0.03  # [m]
+
+
+@pytest.mark.parametrize("first", [0, 2])
+def test_a_band_starts_with_its_sewn_side_at_what_it_is_sewn_to(first: int, tmp_path: Path) -> None:
+    """Whichever way up it was drafted: laid the other way round, its seam would lie in the middle of the limb."""
+    pieces = [
+        replace(each, edges=[*each.edges[first:], *each.edges[:first]]) if each.name in ("Cuff", "Hem Band") else each
+        for each in hooded()
+    ]
+    mesh = load_pattern(write(tmp_path / "hooded.dxf", {"M": pieces}), edge=EDGE)
+    assert mesh.panels is not None
+    bands = [number for number, name in enumerate(mesh.panel_names) if name.startswith(("Cuff", "Hem Band"))]
+    assert len(bands) == 3
+    corners = mesh.points[mesh.triangles[np.isin(mesh.panels, bands)]]
+    assert np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max() < 2.0 * EDGE
+
+
+def test_sleeves_of_a_body_with_its_arms_down_start_raised_and_its_arms_with_them(
+    tmp_path: Path, shared_data: Path
+) -> None:
+    path = write(tmp_path / "hooded.dxf", {"M": hooded()})
+    body = shared_data / "anny/female_avg_arms_down.obj"
+    scene = load_scene({"garment": {"pattern": str(path), "edge_mm": 1e3 * EDGE}, "avatar": {"mesh": str(body)}})
+    outfit = load_outfit(scene)
+    (wearing,), (garment,) = outfit.wearing, outfit.garments
+    assert wearing is not None
+    assert wearing.start_fault
+    routes = limb_routes(wearing, garment.points)
+    raised = [routes[arm] for arm in ARMS]
+    assert all(route is not None and route.is_raised for route in raised)
+    curves = tuple(
+        home if route is None else route.curve for home, route in zip(wearing.skeleton.curves, routes, strict=True)
+    )
+    posed = replace(wearing, skeleton=replace(wearing.skeleton, curves=curves))
+    assert not posed.misplaced(garment.points)
+    assert not posed.pierced(garment.points)

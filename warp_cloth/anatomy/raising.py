@@ -1,0 +1,30 @@
+"""Arms that hang, raised clear of the trunk: where garments are laid round them, and last come down with them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warp_cloth.anatomy.skeleton import Skeleton, outward_of
+from warp_cloth.base.mesh import Points
+
+# From down, of upper arms that come home last: sleeveless cloth lies on the shoulders then. 45 in an A-pose.
+ARMS_AWAY = np.radians(42.0)
+
+
+def raised_arm(skeleton: Skeleton, arm: int) -> Points | None:
+    """The curve of a limb, an arm, turned about where it leaves the trunk until its upper half is ARMS_AWAY from down.
+
+    None: the arm does not hang. Points [m], shape [N, 3], as the limb's curve.
+    """
+    curve, joint = skeleton.curves[arm], skeleton.joints[arm]
+    upper = curve[joint : joint + (len(curve) - joint) // 2]
+    way, outward = upper[-1] - upper[0], outward_of(skeleton, arm)
+    turn = ARMS_AWAY - float(np.arctan2(way @ outward, -way @ skeleton.up))
+    if not 0.0 < turn < 2.0 * ARMS_AWAY:  # a raised arm may lie beyond the vertical, seen from the front
+        return None
+    off = curve[joint:] - curve[joint]
+    across, along = off @ outward, off @ skeleton.up
+    aside = (np.cos(turn) - 1.0) * across - np.sin(turn) * along
+    above = np.sin(turn) * across + (np.cos(turn) - 1.0) * along
+    raised = curve[joint:] + aside[:, None] * outward + above[:, None] * skeleton.up
+    return np.asarray(np.vstack([curve[:joint], raised]))

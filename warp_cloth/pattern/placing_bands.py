@@ -1,0 +1,110 @@
+"""Bands laid as rings: collars, waistbands, cuffs and bands at the hem."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from warp_cloth.base.curves import arc_lengths
+from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.draft import Part
+from warp_cloth.pattern.figure import UP, Figure
+from warp_cloth.pattern.joints import Joint
+from warp_cloth.pattern.kinds import LEFT, RIGHT
+from warp_cloth.pattern.levels import WHOLE_TURN, repeated
+from warp_cloth.pattern.placing_sleeves import FROM_ARMPIT, along_limb, around_arm, shortened, underarm
+from warp_cloth.pattern.wrap import Wrap
+
+BESIDE_FOOT = 0.2  # [m] from the toes to a cuff of trousers
+
+
+def band(
+    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Wrap | None], index: int, figure: Figure
+) -> Wrap | None:
+    """A band as a ring, its ends where its joint begins; ``found``: where other parts start."""
+    part = parts[index]
+    low, high = part.shape.box
+    size = high - low
+    lengthwise = np.array([part.up[1], -part.up[0]]) if size[0] > size[1] else part.up
+    length, width = float(size.max()), float(size.min())
+    points = np.concatenate([edge.points for edge in part.edges])
+    # +x of the ring along the band, so that "up" is to its left
+    along = np.array([-lengthwise[1], lengthwise[0]])
+    lower = any(each.kind.startswith(("leg", "skirt")) for each in parts)
+    below_hem = part.kind == "hem_band" or (part.kind == "waistband" and not lower)
+    if _is_sewn_high(parts, joints, index, along) is (part.kind != "cuff" and not below_hem):
+        along = -along  # what it is sewn to would be on its other side
+    bend = WHOLE_TURN / length
+    spots = points @ along
+    levels = np.array([spots.min(), spots.max()])
+    x = points @ np.array([along[1], -along[0]])
+    centre = np.full(2, 0.5 * (x.min() + x.max()))
+    if part.kind == "cuff":
+        return _cuff(parts, index, figure, along, levels, centre, bend)
+    # a ring begins at the back for a collar, at the right side round a waist, at the left below a hem; see proposal.py
+    from_back = part.kind == "collar" or any(each.kind == "leg" for each in parts)
+    outward = figure.forward if from_back else -figure.left if below_hem else figure.left
+    bottom = float(figure.neck[1] if part.kind == "collar" else figure.middle[1])
+    if below_hem:
+        fronts = [each for each in parts if each.kind == "front"]
+        tall = max((float(np.ptp(each.shape.box, axis=0)[1]) for each in fronts), default=0.6)
+        bottom = float(figure.neck[1]) - tall - width
+    middle = np.stack([figure.at_height(bottom), figure.at_height(bottom + width)])
+    across, out = repeated(np.cross(UP, outward), outward, 2)
+    if part.kind == "collar":
+        middle[:, [0, 2]] = figure.neck[[0, 2]]
+    else:  # an ellipse as wide and deep as what it is sewn to: wider, it would fold down
+        half, deep, ahead = _extent(parts, joints, found, index, figure)
+        middle += ahead * figure.forward
+        out = out * max(1.0, half * bend)
+        across = across * max(1.0, deep * bend)
+    return Wrap(along, levels, centre, np.full(2, bend), middle + out / bend, across, out)
+
+
+def _is_sewn_high(parts: Sequence[Part], joints: Sequence[Joint], index: int, along: Floats) -> bool | None:
+    """Whether a band is sewn to others by its farther side in this direction; None: it is sewn to none."""
+    edges = parts[index].edges
+    runs = [run for joint in joints for run in (joint.one, joint.other) if all(side.panel == index for side in run)]
+    run = max(runs, key=lambda each: sum(edges[side.edge].length for side in each), default=())
+    if not run:
+        return None
+    spots = np.concatenate([edge.points for edge in edges]) @ along
+    own = np.concatenate([edges[side.edge].points for side in run]) @ along
+    return bool(own.mean() > 0.5 * (spots.min() + spots.max()))
+
+
+def _extent(
+    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Wrap | None], index: int, figure: Figure
+) -> tuple[float, float, float]:
+    """Half the width and depth of what a band is sewn to, and how far ahead its middle is [m]; else of the trunk."""
+    spots = [
+        wrap.placed(parts[side.panel].edges[side.edge].at(np.linspace(0.0, 1.0, 9)))
+        for joint in joints
+        for mine, theirs in ((joint.one, joint.other), (joint.other, joint.one))
+        if any(side.panel == index for side in mine)
+        for side in theirs
+        if side.panel != index and (wrap := found[side.panel]) is not None
+    ]
+    if not spots:
+        return figure.half_width, 0.5 * (figure.front + figure.back), 0.5 * (figure.front - figure.back)
+    off = np.concatenate(spots) - figure.middle
+    aside, ahead = off @ figure.left, off @ figure.forward
+    return 0.5 * float(np.ptp(aside)), 0.5 * float(np.ptp(ahead)), 0.5 * float(ahead.min() + ahead.max())
+
+
+def _cuff(
+    parts: Sequence[Part], index: int, figure: Figure, along: Floats, levels: Floats, centre: Floats, bend: float
+) -> Wrap:
+    """At the end of the sleeve, or of the leg where there are no sleeves."""
+    part = parts[index]
+    side = part.side or (RIGHT if part.twin is not None and part.twin < index else LEFT)
+    sleeves = [each for each in parts if each.kind == "sleeve"]
+    curve = (figure.arms if sleeves else figure.legs)[1 if side == LEFT else 0]
+    width = float(levels[1] - levels[0])
+    share = shortened(parts, figure) if sleeves else 1.0
+    reach = float(arc_lengths(curve)[-1]) - BESIDE_FOOT - width
+    long = share * max(underarm(each) - float(each.shape.box[0][1]) for each in sleeves) if sleeves else reach
+    origin, toward = along_limb(curve, np.array([long + share * width, long]) + FROM_ARMPIT)
+    across, outward = around_arm(figure, toward, side)
+    return Wrap(along, levels, centre, np.full(2, bend), origin + outward / bend, across, outward)
