@@ -25,6 +25,7 @@ SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most wh
 FAR_TRUNK = 0.08  # of the body's span, from the middle of its openings: the trunk is not where its garment is
 FAR_WAIST = 0.25  # [m] above or below the waist: low trousers and high skirts begin nearer
 COVERED = 0.03  # [m] of a sleeve beyond the fingertips, or of a leg beyond the toes, that is too long
+NECK = 0.08  # [m] above the shoulders: a neckline that starts higher is round the head
 FAR_SHOULDERS = 0.3  # [m] above or below the shoulders, of what starts beside them: from nearer it falls onto them
 
 
@@ -181,9 +182,10 @@ class Wearing:
         if is_wrong or float(np.linalg.norm(self.across)) > FAR_TRUNK * skeleton.span:
             shift = shift + self.across
         if above := height_over_shoulders(self.limbs, points + shift, self.triangles, skeleton):
+            is_round_head = above > NECK and HEAD in self.pierced(points + shift)
             is_under = above < 0.0 and any(HEAD in each.wanted for each in self.misplaced_at_start)
-            is_amiss = is_under or HEAD in self.pierced(points + shift)
-            shift = shift - skeleton.up * (above if is_amiss or abs(above) > FAR_SHOULDERS else 0.0)
+            is_far = is_round_head or is_under or abs(above) > FAR_SHOULDERS
+            shift = shift - skeleton.up * (above if is_far else 0.0)
         elif sleeves:
             up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)
             shift = shift + skeleton.up * (up if abs(up) > FAR_SHOULDERS else 0.0)

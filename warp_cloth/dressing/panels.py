@@ -15,9 +15,8 @@ HALF_CIRCLE = np.radians(90.0)  # of a fan, from down to one side
 SEAM = 4.0  # of the median length of edges, from which one spans a seam
 CLOSED = np.radians(65.0)  # the same once it is closed
 ROUND = 0.2  # spread of a round hem's distance from its centre, over their mean
-OVERLAP = 0.01  # [m] beyond the middle, from which a leg's panels overlap those of the other leg
-APART = 0.02  # [m] from the middle, that legs are moved apart to
-BELOW = 0.05  # [m] below the crotch, from where on
+OVERLAP = 0.03  # [m] that wide legs reach farther over the middle than at the crotch
+BELOW = 0.1  # [m] below the crotch, from where on
 STEEPEST = 1.0  # sideways over down, that a leg is turned at most
 
 
@@ -41,7 +40,7 @@ def _is_left(wearing: Wearing) -> NDArray[np.bool_]:
 
 
 def legs_parted(wearing: Wearing, points: Points) -> Points:
-    """Wide legs of trousers, whose panels overlap in the middle, turned out at the crotch until they do not.
+    """Wide legs of trousers, whose panels overlap in the middle, turned out until they do so only as at the crotch.
 
     They would be sewn through each other. Returns all vertices, shape [V, 3].
     """
@@ -52,11 +51,12 @@ def legs_parted(wearing: Wearing, points: Points) -> Points:
     middle, crotch = float(np.median(aside[seam])), float(height[seam].min())
     below = np.maximum(crotch - height, 0.0)
     out = np.where(_is_left(wearing), 1.0, -1.0)
-    beyond = -(aside - middle) * out  # how far each vertex lies on the other side
+    beyond = np.maximum(-(aside - middle) * out, 0.0)  # how far each vertex lies on the other side
     some = below > BELOW
-    if not some.any() or float(beyond[some].max()) < OVERLAP:
+    wider = beyond[some] - float(beyond[~some].max(initial=0.0))  # than at the crotch, where fitted legs overlap, too
+    if float(wider.max(initial=0.0)) < OVERLAP:
         return points
-    slope = min(float(((beyond[some] + APART) / below[some]).max()), STEEPEST)
+    slope = min(float((wider / below[some]).max()), STEEPEST)
     moved: Points = points + (slope * below * out)[:, None] * wearing.skeleton.left
     return moved
 
@@ -95,7 +95,7 @@ def skirt_closed(wearing: Wearing, points: Points) -> Points:
     return moved
 
 
-def _of_hem(wearing: Wearing, points: Points, hem: NDArray[np.int_]) -> NDArray[np.bool_]:
+def _of_hem(wearing: Wearing, points: Points, hem: NDArray[np.integer]) -> NDArray[np.bool_]:
     """Which vertices belong to the panels that end at a hem: seams yet to close are longer than a panel's edges."""
     corners = wearing.triangles
     edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])

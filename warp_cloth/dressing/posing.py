@@ -61,8 +61,7 @@ class PosedBody:
 
     def points(self, curves: Sequence[Points], thickness: float) -> Points:
         """The vertices along these curves, at most ``thickness`` off them [m], shape [V, 3]."""
-        base, offset = self._base.copy(), self._offset.copy()
-        base[self._of_trunk] += _at(curves[TRUNK] - self.home[TRUNK], self._station[self._of_trunk])
+        base, offset = self._base + self.slid(curves), self._offset.copy()
         for number, (curve, own) in enumerate(zip(curves, self._of_limb, strict=False)):
             station = self._station[own]
             base[own] = _at(curve, station)
@@ -70,6 +69,12 @@ class PosedBody:
         length = np.linalg.norm(offset, axis=1, keepdims=True)
         found: Points = base + offset * np.minimum(1.0, thickness / np.maximum(length, 1e-9))
         return found
+
+    def slid(self, curves: Sequence[Points]) -> Points:
+        """How far the trunk's vertices are drawn up along it, from home [m], shape [V, 3]."""
+        moves = np.zeros_like(self._base)
+        moves[self._of_trunk] = _at(curves[TRUNK] - self.home[TRUNK], self._station[self._of_trunk])
+        return moves
 
     def trunk_up_to(self, end: Points) -> Points:
         """The trunk's curve drawn together below the shoulders, to end no lower than this point [m]."""

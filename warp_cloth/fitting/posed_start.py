@@ -5,6 +5,7 @@ A garment that was drafted for another body starts with panels on the wrong side
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -162,7 +163,7 @@ class _Dressing:
             trunk = self._body.trunk_up_to(limbs[LEGS[0]][0])
         self._posed = [*limbs, trunk]
         self._away = self._body.arms_away if has_armholes else None
-        self._surface = self._body.points(self._posed, THIN)
+        self._surface, self._slid = self._body.points(self._posed, THIN), self._body.slid(self._posed)
         sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
         clock.lap("dress")
@@ -249,19 +250,20 @@ class _Dressing:
         if self._away is not None:
             for step in range(HANGING_STEPS):
                 curves = self._body.between(self._body.home, self._away, 1.0 - step / HANGING_STEPS)
-                self._follow(self._body.points(curves, THICK))
-        self._follow(self._avatar.points)
+                self._follow(curves, THICK)
+        self._follow(self._body.home, np.inf)
 
     def _take(self, posed: float, thickness: float) -> None:
         """Moves the body between home, 0, with its arms away from the trunk, and its pose, 1; ``thickness`` [m]."""
         home = self._body.home if self._away is None else self._away
-        self._follow(self._body.points(self._body.between(home, self._posed, posed), thickness))
+        self._follow(self._body.between(home, self._posed, posed), thickness)
 
-    def _follow(self, surface: Points) -> None:
-        """Moves the body's vertices there [m], and the cloth with them."""
+    def _follow(self, curves: Sequence[Points], thickness: float) -> None:
+        """Moves the body there, and the cloth with it, but for what the trunk slides along itself; [m]."""
         exact = build_exact_collider(replace(self._avatar, points=self._surface), self._device)
-        self._surface = surface
-        self._problem.model.set_points(followed(exact, surface, self._points))
+        self._surface, slid = self._body.points(curves, thickness), self._body.slid(curves)
+        self._problem.model.set_points(followed(exact, self._surface - (slid - self._slid), self._points))
+        self._slid = slid
         self._meet_body()
         self._relax(BURST)
 
