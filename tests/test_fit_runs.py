@@ -192,6 +192,7 @@ def test_a_scene_without_contact_builds_none(scene: str, monkeypatch: pytest.Mon
         "bending": True,
         "rest angles": False,
         "bending friction": False,
+        "shear friction": False,
         "pins": True,
         "momentum": True,
         "avatar contact": False,

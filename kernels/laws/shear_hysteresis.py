@@ -18,6 +18,7 @@ import warp as wp
 
 from warp_cloth.kernels.base.options import ShearSliderField, Yarn
 from warp_cloth.kernels.laws.hysteresis import slider_stiffness
+from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
 from warp_cloth.kernels.math.packet import vector4
 from warp_cloth.kernels.math.real import inner
 

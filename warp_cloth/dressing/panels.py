@@ -11,9 +11,8 @@ from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import ARMS, LEGS
 from warp_cloth.base.mesh import Points
 
-HALF_CIRCLE = np.radians(90.0)  # of a fan, from down to one side
 SEAM = 4.0  # of the median length of edges, from which one spans a seam
-CLOSED = np.radians(65.0)  # the same once it is closed
+CLOSED = np.radians(65.0)  # of a closed fan, from down to one side
 ROUND = 0.2  # spread of a round hem's distance from its centre, over their mean
 OVERLAP = 0.03  # [m] that wide legs reach farther over the middle than at the crotch
 BELOW = 0.1  # [m] below the crotch, from where on
@@ -80,8 +79,9 @@ def skirt_closed(wearing: Wearing, points: Points) -> Points:
     if of_skirt[np.min(tops, axis=0) == 0.0].any():  # one piece, not of panels
         of_skirt = distances[LEGS] < np.min(tops, axis=0)
     radius = np.linalg.norm(away, axis=1)
-    is_round = float(radius[hem.loop].std()) < ROUND * float(radius[hem.loop].mean())
-    if not is_round or float(np.abs(aside[hem.loop]).max()) < HALF_CIRCLE:
+    mean = float(radius[hem.loop].mean())
+    is_round = float(radius[hem.loop].std()) < ROUND * mean
+    if not is_round or float(np.ptp(flat[hem.loop, 1])) < mean:  # as high as half a circle; a straight hem is not
         return points
     widest = float(np.abs(aside[of_skirt]).max(initial=0.0))
     closed = aside * np.where(of_skirt, CLOSED / widest, 1.0)
