@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import ARMS, LEGS
-from warp_cloth.base.mesh import Points
+from warp_cloth.base.connected import connected_components
+from warp_cloth.base.mesh import Indices, Points
+from warp_cloth.base.topology import mesh_edges
 
 SEAM = 4.0  # of the median length of edges, from which one spans a seam
 CLOSED = np.radians(65.0)  # of a closed fan, from down to one side
@@ -29,8 +29,7 @@ def between_legs(wearing: Wearing) -> NDArray[np.intp]:
     distances = wearing.distances()
     if not all((leg,) in distances for leg in LEGS):
         return np.zeros(0, dtype=np.intp)
-    is_left = _is_left(wearing)[wearing.triangles]
-    return np.unique(wearing.triangles[is_left.any(axis=1) & ~is_left.all(axis=1)])
+    return np.unique(_across(wearing.triangles, _is_left(wearing)))
 
 
 def _is_left(wearing: Wearing) -> NDArray[np.bool_]:
@@ -75,34 +74,37 @@ def skirt_closed(wearing: Wearing, points: Points) -> Points:
     centre = _circle_centre(flat[hem.loop])
     away = flat - centre
     aside = np.arctan2(away[:, 0], -away[:, 1])  # from down
-    of_skirt = _of_hem(wearing, points, hem.loop)
-    if of_skirt[np.min(tops, axis=0) == 0.0].any():  # one piece, not of panels
-        of_skirt = distances[LEGS] < np.min(tops, axis=0)
     radius = np.linalg.norm(away, axis=1)
     mean = float(radius[hem.loop].mean())
     is_round = float(radius[hem.loop].std()) < ROUND * mean
     if not is_round or float(np.ptp(flat[hem.loop, 1])) < mean:  # as high as half a circle; a straight hem is not
         return points
+    of_skirt = _of_hem(wearing.triangles, points, hem.loop)
+    if of_skirt[np.min(tops, axis=0) == 0.0].any():  # one piece, not of panels
+        of_skirt = distances[LEGS] < np.min(tops, axis=0)
     widest = float(np.abs(aside[of_skirt]).max(initial=0.0))
     closed = aside * np.where(of_skirt, CLOSED / widest, 1.0)
     there = centre + radius[:, None] * np.stack([np.sin(closed), -np.cos(closed)], axis=1)
     change = np.where(of_skirt[:, None], there - flat, 0.0)
-    sides = of_skirt[wearing.triangles]
-    seam = np.intersect1d(wearing.triangles[sides.any(axis=1) & ~sides.all(axis=1)], np.flatnonzero(of_skirt))
+    seam = np.intersect1d(_across(wearing.triangles, of_skirt), np.flatnonzero(of_skirt))
     if len(seam):  # the waist of a fan lies all about its centre, that of the closed one below
         change[of_skirt, 1] -= change[seam, 1].mean()
     moved: Points = points + change[:, :1] * skeleton.left + change[:, 1:] * skeleton.up
     return moved
 
 
-def _of_hem(wearing: Wearing, points: Points, hem: NDArray[np.integer]) -> NDArray[np.bool_]:
+def _across(triangles: Indices, of_one: NDArray[np.bool_]) -> Indices:
+    """The triangles between the vertices of one part and the others."""
+    sides = of_one[triangles]
+    return triangles[sides.any(axis=1) & ~sides.all(axis=1)]
+
+
+def _of_hem(triangles: Indices, points: Points, hem: NDArray[np.integer]) -> NDArray[np.bool_]:
     """Which vertices belong to the panels that end at a hem: seams yet to close are longer than a panel's edges."""
-    corners = wearing.triangles
-    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    edges = mesh_edges(triangles, len(points))
     lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
     within = edges[lengths < SEAM * np.median(lengths)]
-    joined = coo_matrix((np.ones(len(within)), within.T), shape=(len(points), len(points)))
-    panel = connected_components(joined, directed=False)[1]
+    panel = connected_components(len(points), *within.T)
     return np.isin(panel, panel[hem])
 
 

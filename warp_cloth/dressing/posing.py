@@ -27,14 +27,14 @@ class PosedBody:
         self._skeleton = skeleton
         limbs = [resampled(smoothed(curve, 2), STATIONS) for curve in skeleton.curves]
         self.home = [*limbs, resampled(skeleton.spine, STATIONS)]  # the trunk's last
-        self._tangents = [_tangents(curve) for curve in self.home]
+        self._tangents = [_tangents(curve) for curve in self.home[:TRUNK]]
         limb, self._station = self._with_roots(body.points)
         self._of_limb = [np.flatnonzero(limb == number) for number in range(TRUNK)]
+        self._of_trunk = np.flatnonzero(limb == TRUNK)
         self._base = skeleton.spine_at(body.points)  # the point that each vertex is thinned towards
-        for curve, own in zip(self.home, self._of_limb, strict=False):
+        for curve, own in zip(self.home[:TRUNK], self._of_limb, strict=True):
             self._base[own] = _at(curve, self._station[own])
         self._offset = body.points - self._base
-        self._of_trunk = np.flatnonzero(limb == TRUNK)
         off = self._base[self._of_trunk][:, None] - self.home[TRUNK]
         self._station[self._of_trunk] = np.linalg.norm(off, axis=2).argmin(axis=1) / (STATIONS - 1)
 
@@ -60,9 +60,9 @@ class PosedBody:
         return limb, station
 
     def points(self, curves: Sequence[Points], thickness: float) -> Points:
-        """The vertices along these curves, at most ``thickness`` off them [m], shape [V, 3]."""
+        """The vertices along these curves, the trunk's last, at most ``thickness`` off them [m], shape [V, 3]."""
         base, offset = self._base + self.slid(curves), self._offset.copy()
-        for number, (curve, own) in enumerate(zip(curves, self._of_limb, strict=False)):
+        for number, (curve, own) in enumerate(zip(curves[:TRUNK], self._of_limb, strict=True)):
             station = self._station[own]
             base[own] = _at(curve, station)
             offset[own] = _rotated(offset[own], _at(self._tangents[number], station), _at(_tangents(curve), station))
@@ -101,7 +101,7 @@ class PosedBody:
 
 
 def _between(home: Points, posed: Points, fraction: float) -> Points:
-    if fraction <= 0.0:
+    if fraction <= 0.0 or posed is home:
         return home
     first, last = np.diff(home, axis=0), np.diff(posed, axis=0)
     first_length, last_length = (np.linalg.norm(each, axis=1, keepdims=True) for each in (first, last))

@@ -71,7 +71,7 @@ class YarnConstants:
         return slider
 
     def sheared(self, points: Floats) -> Floats:
-        """Shear of every woven triangle in this shape [m], [V, 3]: weft . warp, as of shear_hysteresis, shape [T]."""
+        """Shear of every woven triangle in this shape [m], [V, 3]: g of laws/shear_hysteresis, shape [T]."""
         sides = points[self.corners[:, 1:]] - points[self.corners[:, :1]]
         weft, warp = (np.einsum("tk,tkx->tx", self.slope[:, part], sides) for part in (slice(0, 2), slice(2, 4)))
         return np.asarray(np.einsum("tx,tx->t", weft, warp))

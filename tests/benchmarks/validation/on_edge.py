@@ -1,4 +1,4 @@
-"""A strip set on edge, held at one end: the weight at which it buckles sideways, beside a deep cantilever's.
+"""A strip set on edge, held at one end: the weight at which it buckles sideways, against a deep cantilever's.
 
 A deep cantilever of length L and depth d buckles under its own weight w per area at (Timoshenko and Gere, Theory of
 Elastic Stability, 6.3)
@@ -73,7 +73,7 @@ class OnEdge:
         self.at_rest = True
 
     def stiffness(self, weight: float) -> float:
-        """Smallest eigenvalue of the lateral stiffness [N/m], under so many times the fabric's weight."""
+        """Smallest eigenvalue of the lateral stiffness [N/m], under this many times the fabric's weight."""
         rest = self.piece.rest
         heavy = replace(self.piece, rest=replace(rest, vertex_weight=weight * rest.vertex_weight))
         (found,) = Specimens([heavy], weightless=False, options=StepOptions(method="multilevel")).settle_all(
