@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import ARMS, LEGS
+from warp_cloth.anatomy.raising import LEGS_AWAY, spread_leg
 from warp_cloth.anatomy.skeleton import LEFT_ARM
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.dressing.panels import CLOSED, legs_parted, skirt_closed
@@ -115,7 +117,8 @@ def trousers(spread: float) -> tuple[Any, Any]:
     is_left = np.arange(len(points)) >= 126
     distances = {(LEGS[0],): height + is_left, (LEGS[1],): height + ~is_left, LEGS: 1.0 - height}
     triangles = np.concatenate([one, one + 126, joined])
-    wearing = SimpleNamespace(triangles=triangles, skeleton=skeleton(), distances=lambda: distances)
+    openings = tuple(SimpleNamespace(distances=each, loop=np.flatnonzero(each == 0.0)) for each in distances.values())
+    wearing = Wearing(openings, tuple(distances), triangles, skeleton(), points, points)  # type: ignore[arg-type]
     return wearing, points
 
 
@@ -134,3 +137,26 @@ def test_wide_legs_are_parted_at_the_crotch() -> None:
 def test_narrow_legs_are_left_as_they_are() -> None:
     wearing, points = trousers(0.0)
     assert legs_parted(wearing, points) is points
+
+
+def test_trousers_are_pulled_up_no_farther_than_their_crotch() -> None:
+    wearing, points = trousers(0.0)
+    vars(wearing)["onto"] = points
+    wearing.skeleton.spine = np.array([[0.0, 0.05, 0.0], [0.0, 0.6, 0.0]])
+    lowered = points - [0.0, 0.2, 0.0]
+    assert wearing.drop(lowered) == pytest.approx(0.2)
+    assert wearing.rise(lowered) == pytest.approx(0.2)
+    wearing.skeleton.spine = np.array([[0.0, -0.1, 0.0], [0.0, 0.6, 0.0]])
+    assert wearing.rise(lowered) == pytest.approx(0.1)
+    assert wearing.rise(points) == pytest.approx(-0.1)
+
+
+def test_legs_are_spread_to_their_own_sides() -> None:
+    hanging = skeleton()
+    hanging.curves[LEGS[0]] = hanging.curves[LEGS[0]] * [-1.0, 1.0, 1.0]
+    right, left = (spread_leg(hanging, leg) for leg in LEGS)
+    assert right is not None
+    assert left is not None
+    np.testing.assert_allclose(right, left * [-1.0, 1.0, 1.0], atol=1e-12)
+    way = left[-1] - left[1]
+    assert np.arctan2(way[0], -way[1]) == pytest.approx(LEGS_AWAY)

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warp_cloth.anatomy.crossings import cone_crossings, surface_crossings
 from warp_cloth.anatomy.geodesics import Floats
-from warp_cloth.anatomy.openings import ARMS, Limbs, Opening, limbs_for
+from warp_cloth.anatomy.openings import ARMS, LEGS, Limbs, Opening, limbs_for
 from warp_cloth.anatomy.shoulders import height_over_shoulders, slipped_off
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, Skeleton
 from warp_cloth.anatomy.standing import moved_from_standing
@@ -84,6 +85,12 @@ def limbs_through(start: Points, end: Points, curves: Sequence[Points]) -> Limbs
     return tuple(np.flatnonzero(cone_crossings(start, end, curves) % 2).tolist())
 
 
+def triangles_across(triangles: Indices, of_one: NDArray[np.bool_]) -> Indices:
+    """The triangles between the vertices of one part of a mesh and the others, shape [N, 3]."""
+    sides = of_one[triangles]
+    return triangles[sides.any(axis=1) & ~sides.all(axis=1)]
+
+
 def curve_crossings(points: Points, triangles: Indices, curve: Points) -> int:
     """How often a curve, shape [N, 3], passes through the triangles of a garment [m]."""
     return int(surface_crossings(points, triangles, [curve])[0])
@@ -144,6 +151,36 @@ class Wearing:
         """How far above the shoulders it is to start [m]; 0: it is not."""
         return max(height_over_shoulders(self.limbs, self.onto, self.triangles, self.skeleton), 0.0)
 
+    @cached_property
+    def between_legs(self) -> NDArray[np.intp]:
+        """The vertices where the legs of trousers meet, from the waist to the crotch; none of other garments."""
+        if not self.has_legs:
+            return np.zeros(0, dtype=np.intp)
+        return np.unique(triangles_across(self.triangles, self.on_left))
+
+    @property
+    def has_legs(self) -> bool:
+        """Whether each leg has an opening of its own."""
+        return all((leg,) in self.limbs for leg in LEGS)
+
+    @property
+    def on_left(self) -> NDArray[np.bool_]:
+        """Which vertices are nearer to the opening of the left leg than to that of the right, shape [V]."""
+        distances = self.distances()
+        right, left = (distances[leg,] for leg in LEGS)
+        return left < right
+
+    def rise(self, points: Points, below_crotch: float = 0.0) -> float:
+        """How far the garment at ``points`` could be moved up to where its highest opening started [m].
+
+        Trousers no farther than to ``below_crotch`` under the body's crotch; they may lie above it.
+        """
+        drop, up = self.drop(points), self.skeleton.up
+        if not len(self.between_legs):
+            return drop
+        body_crotch, crotch = float((self.skeleton.spine @ up).min()), float((points[self.between_legs] @ up).min())
+        return min(drop, body_crotch - below_crotch - crotch)
+
     def drop(self, points: Points) -> float:
         """How far the opening that starts highest has come down from its place on the body, at ``points`` [m]."""
         up = self.skeleton.up
@@ -153,7 +190,7 @@ class Wearing:
 
     def sunk(self, points: Points) -> bool:
         """Whether a garment that hangs from the waist has slid down it, at ``points`` [m]."""
-        return self.hangs_from_waist and self.drop(points) > SUNK * self.skeleton.span
+        return self.hangs_from_waist and self.rise(points) > SUNK * self.skeleton.span
 
     def misplaced(self, points: Points) -> list[Misplaced]:
         """The openings that the wrong limbs pass through, with the garment at ``points`` [m]."""

@@ -1,4 +1,4 @@
-"""Arms that hang, raised clear of the trunk: where garments are laid round them, and last come down with them."""
+"""Limbs that hang, raised clear of the trunk and each other, for cloth to be laid round them: they come home last."""
 
 from __future__ import annotations
 
@@ -9,18 +9,28 @@ from warp_cloth.base.mesh import Points
 
 # From down, of upper arms that come home last: sleeveless cloth lies on the shoulders then. 45 in an A-pose.
 ARMS_AWAY = np.radians(42.0)
+LEGS_AWAY = np.radians(25.0)  # from down, of thighs that come home last
 
 
 def raised_arm(skeleton: Skeleton, arm: int) -> Points | None:
-    """The curve of a limb, an arm, turned about where it leaves the trunk until its upper half is ARMS_AWAY from down.
+    """The curve of an arm, turned about where it leaves the trunk until its upper half is ARMS_AWAY from down.
 
     None: the arm does not hang. Points [m], shape [N, 3], as the limb's curve.
     """
-    curve, joint = skeleton.curves[arm], skeleton.joints[arm]
+    return _raised(skeleton, arm, ARMS_AWAY)
+
+
+def spread_leg(skeleton: Skeleton, leg: int) -> Points | None:
+    """The curve of a leg, turned out at the hip until its upper half is LEGS_AWAY from down; None: it does not hang."""
+    return _raised(skeleton, leg, LEGS_AWAY)
+
+
+def _raised(skeleton: Skeleton, limb: int, angle: float) -> Points | None:
+    curve, joint = skeleton.curves[limb], skeleton.joints[limb]
     upper = curve[joint : joint + (len(curve) - joint) // 2]
-    way, outward = upper[-1] - upper[0], outward_of(skeleton, arm)
-    turn = ARMS_AWAY - float(np.arctan2(way @ outward, -way @ skeleton.up))
-    if not 0.0 < turn < 2.0 * ARMS_AWAY:  # a raised arm may lie beyond the vertical, seen from the front
+    way, outward = upper[-1] - upper[0], outward_of(skeleton, limb)
+    turn = angle - float(np.arctan2(way @ outward, -way @ skeleton.up))
+    if not 0.0 < turn < 2.0 * angle:  # a raised arm may lie beyond the vertical, seen from the front
         return None
     off = curve[joint:] - curve[joint]
     across, along = off @ outward, off @ skeleton.up

@@ -77,9 +77,9 @@ class Skeleton:
         return np.stack([np.interp(height, heights[order], self.spine[order, axis]) for axis in range(3)], axis=1)
 
 
-def outward_of(skeleton: Skeleton, arm: int) -> Points:
-    """The unit vector from the middle of a body to the side of one of its arms, shape [3]."""
-    return skeleton.left if arm == LEFT_ARM else -skeleton.left
+def outward_of(skeleton: Skeleton, limb: int) -> Points:
+    """The unit vector from the middle of a body to the side of one of its arms or legs, shape [3]."""
+    return skeleton.left if limb in (LEFT_ARM, LEFT_LEG) else -skeleton.left
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.anatomy.linking import Wearing
+from warp_cloth.anatomy.linking import Wearing, triangles_across
 from warp_cloth.anatomy.openings import ARMS, LEGS
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Indices, Points
@@ -24,31 +24,18 @@ def parted(wearing: Wearing, points: Points) -> Points:
     return legs_parted(wearing, skirt_closed(wearing, points))
 
 
-def between_legs(wearing: Wearing) -> NDArray[np.intp]:
-    """The vertices where the legs of trousers meet, from the waist to the crotch; none of other garments."""
-    distances = wearing.distances()
-    if not all((leg,) in distances for leg in LEGS):
-        return np.zeros(0, dtype=np.intp)
-    return np.unique(_across(wearing.triangles, _is_left(wearing)))
-
-
-def _is_left(wearing: Wearing) -> NDArray[np.bool_]:
-    right, left = (wearing.distances()[leg,] for leg in LEGS)
-    return left < right
-
-
 def legs_parted(wearing: Wearing, points: Points) -> Points:
     """Wide legs of trousers, whose panels overlap in the middle, turned out until they do so only as at the crotch.
 
     They would be sewn through each other. Returns all vertices, shape [V, 3].
     """
-    seam = between_legs(wearing)
+    seam = wearing.between_legs
     if not len(seam):
         return points
     aside, height = points @ wearing.skeleton.left, points @ wearing.skeleton.up
     middle, crotch = float(np.median(aside[seam])), float(height[seam].min())
     below = np.maximum(crotch - height, 0.0)
-    out = np.where(_is_left(wearing), 1.0, -1.0)
+    out = np.where(wearing.on_left, 1.0, -1.0)
     beyond = np.maximum(-(aside - middle) * out, 0.0)  # how far each vertex lies on the other side
     some = below > BELOW
     wider = beyond[some] - float(beyond[~some].max(initial=0.0))  # than at the crotch, where fitted legs overlap, too
@@ -86,17 +73,11 @@ def skirt_closed(wearing: Wearing, points: Points) -> Points:
     closed = aside * np.where(of_skirt, CLOSED / widest, 1.0)
     there = centre + radius[:, None] * np.stack([np.sin(closed), -np.cos(closed)], axis=1)
     change = np.where(of_skirt[:, None], there - flat, 0.0)
-    seam = np.intersect1d(_across(wearing.triangles, of_skirt), np.flatnonzero(of_skirt))
+    seam = np.intersect1d(triangles_across(wearing.triangles, of_skirt), np.flatnonzero(of_skirt))
     if len(seam):  # the waist of a fan lies all about its centre, that of the closed one below
         change[of_skirt, 1] -= change[seam, 1].mean()
     moved: Points = points + change[:, :1] * skeleton.left + change[:, 1:] * skeleton.up
     return moved
-
-
-def _across(triangles: Indices, of_one: NDArray[np.bool_]) -> Indices:
-    """The triangles between the vertices of one part and the others."""
-    sides = of_one[triangles]
-    return triangles[sides.any(axis=1) & ~sides.all(axis=1)]
 
 
 def _of_hem(triangles: Indices, points: Points, hem: NDArray[np.integer]) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.openings import ARMS, LEGS
-from warp_cloth.anatomy.raising import raised_arm
+from warp_cloth.anatomy.raising import raised_arm, spread_leg
 from warp_cloth.anatomy.skeleton import TRUNK, Skeleton
 from warp_cloth.base.curves import arc_lengths, resampled
 from warp_cloth.base.mesh import Mesh, Points
@@ -84,14 +84,13 @@ class PosedBody:
         raised: Points = curve + lowness[:, None] * max(float(end @ skeleton.up - heights.min()), 0.0) * skeleton.up
         return raised
 
-    @property
-    def arms_away(self) -> list[Points] | None:
-        """The curves at home, but with arms that hang raised to ARMS_AWAY from down; None: none hang."""
-        raised = {arm: raised_arm(self._skeleton, arm) for arm in ARMS}
-        hanging = {arm: curve for arm, curve in raised.items() if curve is not None}
+    def away(self, limbs: Sequence[int]) -> list[Points] | None:
+        """The curves at home, but with those of these limbs that hang raised from down; None: none of them hangs."""
+        raised = {limb: (raised_arm if limb in ARMS else spread_leg)(self._skeleton, limb) for limb in limbs}
+        hanging = {limb: curve for limb, curve in raised.items() if curve is not None}
         curves = list(self.home)
-        for arm, curve in hanging.items():
-            curves[arm] = resampled(smoothed(curve, 2), STATIONS)
+        for limb, curve in hanging.items():
+            curves[limb] = resampled(smoothed(curve, 2), STATIONS)
         return curves if hanging else None
 
     @staticmethod

@@ -23,7 +23,7 @@ from warp_cloth.avatar.layers import build_layered_buffers
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Indices, Points
-from warp_cloth.dressing.panels import between_legs, parted
+from warp_cloth.dressing.panels import parted
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
 from warp_cloth.fitting.film import DressedShape, Dressing
@@ -57,7 +57,12 @@ CHECK = 100  # iterations between looks at the seams, or at what falls
 SEWN = 0.2  # strain of the edges of seams that have closed
 STEPS = 24  # from there home
 POSED_FOR = 0.5  # fraction of the steps after which all limbs are home; then they only grow
-HANGING_STEPS = 8  # further ones, in which arms come down to the trunk
+HANGING_STEPS = 8  # further ones, in which arms come down to the trunk and legs to each other
+SPREADING_STEPS = 10  # in which thin legs come to where trousers are pulled on
+PULL = 0.01  # [m] that these are pulled up in a burst; cloth that moves by more passes through legs
+PULLS = 60  # at most
+NEAR = 0.003  # [m] from where they are pulled to
+BELOW_CROTCH = 0.03  # [m] that they stay under the body's crotch, where growing thighs would pinch them
 GROWTH = 2.0  # exponent of the thickness over the steps: slow while limbs move
 GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
 HEAVY = 3000.0  # weight of cloth that falls, over that of sewn cloth: 10 kg/m2 stretches by less than 1 %
@@ -128,6 +133,10 @@ def _sewn_and_carried(
 ) -> _PosedStart:
     dressing = _Dressing(scene, outfit, device, offset, clock, watching=watching)
     dressing.sew()
+    if dressing.is_trousers:
+        dressing.pull_on()
+        dressing.come_home()
+        return dressing.ended()
     if lifted or dressing.wearing.hangs_from_waist:
         dressing.lift()
     is_skirt = dressing.wearing.is_skirt
@@ -137,6 +146,7 @@ def _sewn_and_carried(
     if is_skirt or dressing.in_the_way:
         dressing.fall()
     dressing.carry_home(STEPS - GROWING_STEPS if grows_first else STEPS, is_grown=grows_first)
+    dressing.come_home()
     return dressing.ended()
 
 
@@ -159,17 +169,18 @@ class _Dressing:
         # arms that are only raised in their sleeves take these and the cloth next to them along as they come down
         self._moved = [arm for arm in ARMS if not (each := routes[arm]) or not each.is_raised]
         limbs, trunk = curves_of(routes, wearing.skeleton, STATIONS), self._body.home[TRUNK]
-        if all((leg,) in wearing.limbs for leg in LEGS):  # trousers are sewn below the trunk's end
+        if wearing.has_legs:  # trousers are sewn below the trunk's end
             trunk = self._body.trunk_up_to(limbs[LEGS[0]][0])
         self._posed = [*limbs, trunk]
-        self._away = self._body.arms_away if has_armholes else None
+        self.could_slide = has_armholes and self._body.away(ARMS) is not None
+        self.is_trousers = wearing.has_legs and wearing.hangs_from_waist
+        self._away = self._body.away([*(ARMS if has_armholes else ()), *(LEGS if wearing.has_legs else ())])
         self._surface, self._slid = self._body.points(self._posed, THIN), self._body.slid(self._posed)
         sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
         clock.lap("dress")
         self._problem = build_problem([sewing], [sewn], device, attempts=[attempt], clock=clock)
         clock.begin("dress")
-        self._between_legs = between_legs(wearing)
         self._collider = _BodyCollider(avatar.triangles, device, offset)
         self._meet_body()
         self._iterations = 0
@@ -191,11 +202,6 @@ class _Dressing:
         far = dict(zip(ARMS, self._no_sleeves, strict=True))
         return any(curve_crossings(points, far[arm], home[arm]) > 0 for arm in self._moved)
 
-    @property
-    def could_slide(self) -> bool:
-        """Whether straps would slide off thin shoulders as arms come down to the trunk."""
-        return self._away is not None
-
     def sew(self) -> None:
         """Relaxes until the seams have closed and nothing crosses.
 
@@ -207,17 +213,28 @@ class _Dressing:
                 break
 
     def lift(self) -> None:
-        """Moves the garment to where its highest opening started, but trousers no higher than their crotch lets them.
+        """Moves the garment to where its highest opening started.
 
         Seams that close draw a wide skirt together, and what falls is too heavy for a waist to hold.
         """
-        up, points = self.wearing.skeleton.up, self._points
-        rise = self.wearing.drop(points)
-        if len(self._between_legs):
-            crotch = float((points[self._between_legs] @ up).min())
-            rise = min(rise, float((self.wearing.skeleton.spine @ up).min()) - crotch)
-        self._problem.model.set_points(points + rise * up)
+        self._move_up(self.wearing.rise(self._points))
+
+    def _move_up(self, rise: float) -> None:
+        self._problem.model.set_points(self._points + rise * self.wearing.skeleton.up)
         self._meet_body()
+
+    def pull_on(self) -> None:
+        """Pulls trousers up between legs that are apart, where the body then grows."""
+        for step in range(1, SPREADING_STEPS + 1):
+            self._take(1.0 - step / SPREADING_STEPS, THIN)
+        for _ in range(PULLS):
+            rise = self.wearing.rise(self._points, BELOW_CROTCH)
+            if abs(rise) < NEAR:
+                break
+            self._move_up(float(np.clip(rise, -PULL, PULL)))
+            self._relax(BURST)
+        for step in range(1, STEPS + 1):
+            self._take(0.0, _thickness(step / STEPS))
 
     def fall(self) -> None:
         """Lets the garment hang, under a weight that makes it fall fast, until it is out of the arms' way and slow."""
@@ -240,13 +257,16 @@ class _Dressing:
             self._take(1.0, _thickness(step / steps))
 
     def carry_home(self, steps: int, *, is_grown: bool = False) -> None:
-        """Takes the body home, growing if it has not grown yet, in bursts; arms in armholes come last."""
+        """Takes the body home, growing if it has not grown yet, in bursts, but for the limbs that come home last."""
         for step in range(1, steps):
             done = step / steps
             if is_grown:
                 self._take(1.0 - done, THICK)
             else:
                 self._take(max(1.0 - done / POSED_FOR, 0.0), _thickness(done))
+
+    def come_home(self) -> None:
+        """Takes the limbs home that come last, and lets the body be whole."""
         if self._away is not None:
             for step in range(HANGING_STEPS):
                 curves = self._body.between(self._body.home, self._away, 1.0 - step / HANGING_STEPS)
@@ -254,7 +274,7 @@ class _Dressing:
         self._follow(self._body.home, np.inf)
 
     def _take(self, posed: float, thickness: float) -> None:
-        """Moves the body between home, 0, with its arms away from the trunk, and its pose, 1; ``thickness`` [m]."""
+        """Moves the body between home, 0, with some limbs away from it, and its pose, 1; ``thickness`` [m]."""
         home = self._body.home if self._away is None else self._away
         self._follow(self._body.between(home, self._posed, posed), thickness)
 
