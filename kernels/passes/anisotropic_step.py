@@ -209,7 +209,7 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
 
 @wp.func
 def compliance_of(matrix: Any, total: Any, limit: Any):
-    """(B / k + I / limit)^-1, with B the matrix and k the total of what bounds the vertex' step."""
+    """(B / k + I / limit)^-1, with B the matrix and k the total of what bounds the vertex's step."""
     one = type(total)(1.0)
     compliance = multiple_of_unit(one)
     if total > type(total)(0.0):
@@ -218,7 +218,7 @@ def compliance_of(matrix: Any, total: Any, limit: Any):
 
 
 def _bound_functions(precision: str, terms: Terms, packed: bool, in_order: bool) -> SimpleNamespace:
-    """Functions ``edge_matrix``, ``folds_size`` and ``yarns_bound``: what bounds a vertex' step, element by element."""
+    """Functions ``edge_matrix``, ``folds_size`` and ``yarns_bound``: bounds of a vertex's step by element."""
     types, order = cloth_types(precision), order_functions(precision, packed, in_order)
     position_at, displacement_at = order.position_at, order.displacement_at
     real, State, Step, Edges, Triangles = types.real, types.State, types.Step, types.Edges, types.Triangles
@@ -320,7 +320,7 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
 
 @wp.func
 def transferred(old: Any, new: Any, move: Any):
-    """The part of a displacement that adds no energy to the oscillation when its vertex' compliance changes.
+    """The part of a displacement that adds no energy to the oscillation when its vertex's compliance changes.
 
     A step of compliance L oscillates with the inertia k / L. Where that changes from L0 to L1, d becomes
     2 L1 (L0 + L1)^-1 d: d' k/L1 d' is never more than d k/L0 d. From update to update compliance changes so little

@@ -168,7 +168,7 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
 
 
 def _worn_after(run: Run, paddings: int) -> Outfit:
-    """The outfit of a run, with the avatar padded where it showed through if it is not yet as often as wanted."""
+    """A run's outfit, its avatar padded where it showed through unless it has been padded that often already."""
     outfit, overlap = run.problem.loaded[run.item], run.overlap
     if paddings == run.attempt.paddings:
         return outfit
