@@ -68,7 +68,7 @@ def write_stage(
     body = StageAvatar(avatar) if isinstance(avatar, Mesh) else avatar
     if path.suffix not in SUFFIXES:
         raise InputError(path, f"is not a USD file name ({', '.join(SUFFIXES)})", "use the suffix .usdc")
-    require_sound(garments, body and body.mesh)
+    require_sound(garments, None if body is None else body.mesh)
     frame_count = common_frame_count(garments)
     stage = Usd.Stage.CreateInMemory()
     root = author_root(stage, name, frame_count)
