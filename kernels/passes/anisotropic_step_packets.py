@@ -8,6 +8,7 @@ A vertex's sum is kept in two arrays: xx, yy, zz of the matrix and its size; xy,
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -47,6 +48,19 @@ def _begin_kernel(precision: str) -> wp.Kernel:
     return begin_bounds
 
 
+@wp.func
+def diagonal_of(matrix: Any, size: Any):
+    """What is added to the first array."""
+    return vector4(component(matrix, 0), component(matrix, 1), component(matrix, 2), size)
+
+
+@wp.func
+def off_diagonal_of(matrix: Any):
+    """What is added to the second."""
+    xy = component(matrix, 3)
+    return vector4(xy, component(matrix, 4), component(matrix, 5), type(xy)(0.0))
+
+
 def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
     types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, WIDTH)
     real, vec4, Step, Triangles = types.real, types.vec4, types.Step, types.Triangles
@@ -67,17 +81,6 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
             vector4(second, second, second, second),
             vector4(third, third, third, third),
         )
-
-    @wp.func
-    def diagonal_of(matrix: packets.vec6, size: packets.real):
-        """What is added to the first array."""
-        return vector4(component(matrix, 0), component(matrix, 1), component(matrix, 2), size)
-
-    @wp.func
-    def off_diagonal_of(matrix: packets.vec6):
-        """What is added to the second."""
-        zero = packets.real(real(0.0))
-        return vector4(component(matrix, 3), component(matrix, 4), component(matrix, 5), zero)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def sum_bounds(
