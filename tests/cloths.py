@@ -16,6 +16,7 @@ from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
+from warp_cloth.model.vertices import AvatarSkin
 from warp_cloth.solver.forces import ForcePass
 
 STEP = 1e-7  # [m]; central differences of a smooth force: relative error near 1e-8
@@ -53,8 +54,7 @@ def model_of(
         device=device,
         precision=precision,
         gathers=gathers,
-        avatar_friction=[avatar_friction],
-        offset=[offset],
+        avatars=[AvatarSkin(avatar_friction, offset)],
     )
 
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from warp_cloth.bench import Bench, run_bench
 from warp_cloth.bench.save import save_bench, table
-from warp_cloth.bench.specimen import Specimen, Specimens, piece, weights_by_area
+from warp_cloth.bench.specimen import Specimens, piece, weights_by_area
 from warp_cloth.bench.swatch import disc, on_finer_disc, strip
 from warp_cloth.bench.trials import SUPPORT_RADIUS, drape, drape_coefficient, drape_disc, held_by_support
 from warp_cloth.cli.main import app
@@ -116,12 +116,11 @@ def test_a_finer_disc_lies_where_the_coarser_one_does() -> None:
 
 def test_discs_hang_as_each_does_alone() -> None:
     mesh, whole = drape_disc(10), StepOptions(method="multilevel")
+    cotton = piece(mesh, fabric_named("cotton"), held_by_support(mesh))
     starts = [mesh.points + (0.0, 1e-3, 0.0) * np.cos(waves * 50.0 * mesh.points[:, :1]) for waves in (1, 2, 3)]
     found = []
     for group in (starts, starts[:1], starts[1:2]):
-        discs = Specimen(
-            mesh, fabric_named("cotton"), held_by_support(mesh), weightless=False, options=whole, count=len(group)
-        )
+        discs = Specimens([cotton] * len(group), weightless=False, options=whole)
         found.append(discs.settle_all(group, Tolerance(), 5000))
     for together, alone in ((found[0][0], found[1][0]), (found[0][1], found[2][0])):
         assert together.check == alone.check

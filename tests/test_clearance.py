@@ -20,6 +20,8 @@ from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.avatar.field import ContactField, field_clearance, field_contact
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import build_model
+from warp_cloth.model.patches.on_device import CutOptions
+from warp_cloth.model.vertices import AvatarSkin
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import StepOptions
 
@@ -131,7 +133,12 @@ def layers(field: FieldBuild, *, gathers: bool = False, saves: bool = True, thre
         rest = build_rest_shape(Mesh("sheet", points, square.triangles), FABRIC, rest="mesh")
         garments.append(Garment(points, square.triangles, rest, np.array(held, dtype=np.int32)))
     model = build_model(
-        garments, device="cpu", precision="mixed", gathers=gathers, avatar_friction=[0.5], offset=[OFFSET], layered=True
+        garments,
+        device="cpu",
+        precision="mixed",
+        gathers=gathers,
+        avatars=[AvatarSkin(0.5, OFFSET)],
+        cut=CutOptions(layered=True),
     )
     kinds = [SheetKind(FABRIC.thickness, FABRIC.friction, layer=layer) for layer in (0, 1)]
     cloth_contact = ClothContact(model, garments, kinds)

@@ -55,7 +55,7 @@ def test_folded_cloth_rests_without_crossing_and_by_the_forces_of_every_pair(tmp
     cloth_contact = made.relaxation.cloth_contact
     assert cloth_contact is not None
     points = made.model.points()
-    assert not len(find_crossings(points, cloth_contact.sheets, "cpu", every_pair=True).pairs)
+    assert not len(find_crossings(points, cloth_contact.sheets, "cpu").pairs)
     pairs = touching_pairs(points, cloth_contact)
     assert len(pairs) > 20  # it does lie on itself
     types = cloth_types(made.model.precision)

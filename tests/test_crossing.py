@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cloths import grid
+from designs.geometry import segments_hit
 
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.topology import build_topology
@@ -41,10 +42,13 @@ def test_the_tree_finds_what_every_pair_finds() -> None:
     points = (random.random((SOUP_SIZE, 1, 3)) * 1.5 + random.random((SOUP_SIZE, 3, 3))).reshape(-1, 3)
     triangles = np.arange(3 * SOUP_SIZE, dtype=np.int32).reshape(-1, 3)
     soup = sheets(triangles, len(points))
-    found, every = find_crossings(points, soup, "cpu"), find_crossings(points, soup, "cpu", every_pair=True)
-    assert len(every.pierced) > SOUP_SIZE // 2
-    assert np.array_equal(found.pierced, every.pierced)
-    assert np.array_equal(found.pairs, every.pairs)
+    found = find_crossings(points, soup, "cpu")
+    edge, triangle = np.nonzero(np.ones((len(soup.edges), SOUP_SIZE), dtype=bool))
+    apart = (soup.edges[edge][:, :, None] != triangles[triangle][:, None]).all(axis=(1, 2))
+    start, end = np.moveaxis(points[soup.edges[edge]], 1, 0)
+    pierced = np.flatnonzero(apart & segments_hit(start, end, points[triangles[triangle]]))
+    assert len(pierced) > SOUP_SIZE // 2
+    assert np.array_equal(found.pierced, np.stack([edge[pierced], triangle[pierced]], axis=1))
 
 
 def test_what_lies_in_one_plane_crosses_nothing_however_it_is_turned() -> None:
@@ -55,7 +59,7 @@ def test_what_lies_in_one_plane_crosses_nothing_however_it_is_turned() -> None:
     for _ in range(10):
         turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
         points = flat.reshape(-1, 3) @ turn + random.normal(size=3)  # rounding is not in the plane
-        assert not len(find_crossings(points, soup, "cpu", every_pair=True).pairs)
+        assert not len(find_crossings(points, soup, "cpu").pairs)
 
 
 def test_a_sheet_through_another_crosses_along_its_whole_width() -> None:

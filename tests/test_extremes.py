@@ -74,7 +74,7 @@ def test_a_broken_promise_is_told(tmp_path: Path) -> None:
     lines = extremes_lines([lost, Outcome("start", "fine", "direct", "mixed", "refused", "why")])
     assert any(line.startswith("2 runs: 1 broke") for line in lines)
     assert "BROKEN heap" in lines[-1]
-    assert [path.name for path in save_extremes([lost], tmp_path)] == ["extremes.json", "extremes.csv"]
+    assert [path.name for path in save_extremes([lost], tmp_path)] == ["extremes.csv"]
 
 
 def test_the_script_runs_the_groups_that_are_named(

@@ -14,7 +14,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.garment.rest import build_rest_geometry, rest_in_fabric
+from warp_cloth.garment.rest import RestOptions, build_rest_geometry, rest_in_fabric
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.pattern import load_pattern
 
@@ -61,7 +61,7 @@ def holds_its_promise(mesh: Mesh) -> None:
     start, end = mesh.triangles.ravel().astype(np.int64), np.roll(mesh.triangles, -1, axis=1).ravel().astype(np.int64)
     assert (start != end).all()
     assert len(np.unique(start * mesh.vertex_count + end)) == len(start)
-    geometry = build_rest_geometry(mesh, rest="uv", is_pattern=True)
+    geometry = build_rest_geometry(mesh, RestOptions("uv", is_pattern=True))
     shape = rest_in_fabric(geometry, mesh.vertex_count, Fabric())
     assert np.isfinite(shape.edge_pull).all()
 

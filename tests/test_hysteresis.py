@@ -10,7 +10,7 @@ from cloths import cloth_forces, grid, model_of, without
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.bench.specimen import Specimen
+from warp_cloth.bench.specimen import Specimens, piece
 from warp_cloth.bench.swatch import disc, strip
 from warp_cloth.garment.folds import fold_angles
 from warp_cloth.garment.garment import Garment
@@ -91,11 +91,11 @@ def test_a_strip_rests_higher_laid_from_the_flat_than_let_down_from_the_hang() -
     clamped = np.flatnonzero(mesh.points[:, 2] > mesh.points[:, 2].max() - 0.3 * C).astype(np.int32)
     tolerance = Tolerance(relative_rms=1e-3, relative_p99=1e-2, rest_error=5e-5)
 
-    def tip(fabric: Fabric, start: np.ndarray, laid: Laid | None) -> tuple[float, Specimen, np.ndarray]:
-        specimen = Specimen(mesh, fabric, clamped, weightless=False, laid=laid)
-        settled = specimen.settle(start, tolerance, 20_000)
+    def tip(fabric: Fabric, start: np.ndarray, laid: Laid | None) -> tuple[float, Garment, np.ndarray]:
+        strip = piece(mesh, fabric, clamped, laid=laid)
+        settled = Specimens([strip], weightless=False).settle(start, tolerance, 20_000)
         assert settled.check.within(tolerance)
-        return float(settled.points[:, 1].min()), specimen, settled.points
+        return float(settled.points[:, 1].min()), strip, settled.points
 
     flat, _, _ = tip(RUBBING, mesh.points, None)
     _, hung, shape = tip(replace(RUBBING, weight=3.0 * RUBBING.weight), mesh.points, None)

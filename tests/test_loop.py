@@ -21,7 +21,7 @@ FALLING = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "collis
 
 
 def ended(changes: Sequence[Sequence[str]], *, ahead: bool) -> tuple[list[Outcome], np.ndarray]:
-    """How scenes of cloth that falls on a ball end together, and each vertex' normal force [N] and stiffness [N/m].
+    """How scenes of cloth that falls on a ball end together, and each vertex's normal force [N] and stiffness [N/m].
 
     The last shape is what the model holds.
     """

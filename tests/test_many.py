@@ -32,6 +32,7 @@ from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.active_set import ActiveSet
 from warp_cloth.solver.goal import Goal
 from warp_cloth.solver.loop import relax_items
+from warp_cloth.study.launches import arrays_in, bytes_of
 
 ON_SPHERE = ["solver.iterations=330", "collision.pixel_mm=10"]
 HANGING = ["garment.shape.vertices_per_side=6", "solver.iterations=250"]
@@ -254,28 +255,6 @@ def test_pieces_stay_within_the_budget_and_hold_every_item_once() -> None:
     assert split_to_fit([], 100, most=2) == []
 
 
-def held(thing: Any, seen: set[int]) -> int:
-    """Bytes of all device arrays that an object holds, each once."""
-    if id(thing) in seen or isinstance(thing, (str, bytes, int, float, np.ndarray, wp.Kernel, type)):
-        return 0
-    seen.add(id(thing))
-    if isinstance(thing, wp.array):
-        at = thing.ptr or 0
-        if at in seen:
-            return 0
-        seen.add(at)
-        return int(thing.capacity)
-    if isinstance(thing, (list, tuple)):
-        return sum(held(each, seen) for each in thing)
-    if isinstance(thing, dict):
-        return sum(held(each, seen) for each in thing.values())
-    names = getattr(getattr(thing, "_cls", None), "vars", None)
-    if names is not None:  # a Warp struct
-        return sum(held(getattr(thing, name), seen) for name in names)
-    module = type(thing).__module__
-    return held(vars(thing), seen) if module.startswith("warp_cloth") and hasattr(thing, "__dict__") else 0
-
-
 @pytest.mark.parametrize("gathers", [False, True])
 @pytest.mark.parametrize("fabric", ["cotton", "jersey", "default"])
 def test_the_planned_memory_bounds_what_is_held(gathers: bool, fabric: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -286,7 +265,7 @@ def test_the_planned_memory_bounds_what_is_held(gathers: bool, fabric: str, monk
     outfit = load_outfit(scene)
     made = problem.build_problem([scene], [outfit], "cpu")
     relax_items(made.relaxation, made.certifier, [Goal(tolerance_of(scene), 1500)])
-    used = held([made.model, made.relaxation, made.certifier, made.contacts], set())
+    used = bytes_of(arrays_in([made.model, made.relaxation, made.certifier, made.contacts]))
     need = memory_need(scene, outfit, gathers=gathers)
     planned = need.own + need.shared
     assert used <= planned <= 2.5 * used

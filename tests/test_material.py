@@ -11,7 +11,7 @@ import warp as wp
 from cloths import model_of
 from swatches import MESHINGS, swatch
 
-from warp_cloth.bench.specimen import Specimen
+from warp_cloth.bench.specimen import Specimens, piece
 from warp_cloth.bench.trials import bend, drape, pull, released, shear
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.rest import build_rest_shape
@@ -180,7 +180,7 @@ def corner_drop(fabric: Fabric) -> tuple[float, float]:
     far = np.abs(mesh.points[:, [0, 2]])
     held = np.flatnonzero((far < 0.031).all(axis=1)).astype(np.int32)
     folding = StepOptions(method="multilevel")  # vertex by vertex it would take far longer to fold
-    specimen = Specimen(mesh, fabric, held, weightless=False, options=folding)
+    specimen = Specimens([piece(mesh, fabric, held)], weightless=False, options=folding)
     noise = np.random.default_rng(0).normal(scale=1e-4, size=mesh.points.shape) * (0.0, 1.0, 0.0)
     points = specimen.settle(mesh.points + noise, Tolerance(), 6000).points
     ends = [(far[:, axis] > 0.149) & (far[:, 1 - axis] < 0.05) for axis in (0, 1)]

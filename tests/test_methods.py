@@ -11,7 +11,7 @@ import methods_files
 import methods_study
 import numpy as np
 import pytest
-from methods_files import methods_lines, save_methods, truth_of
+from methods_files import methods_lines, truth_of
 from methods_scenes import GROUPS, KINDS, TRUE_FABRICS, Case, all_cases, case_tree, true_cases
 from methods_study import Measurement, Run, run_case
 
@@ -110,7 +110,7 @@ def test_the_script_writes_tables_and_continues_where_it_was(tmp_path: Path, mon
     monkeypatch.setattr(methods_study.MethodStudy.run, "__defaults__", (dict.fromkeys(every, FEW),))
     methods.main(["--device", "cpu", "--out", str(tmp_path)])
     written = {path.name for path in tmp_path.iterdir()}
-    assert written >= {"methods.json", "methods.csv", "methods.png", "rest_error.png"}
+    assert written >= {"methods.png", "rest_error.png"}
     kept = (tmp_path / "methods.jsonl").read_text()
     assert kept.count("\n") == len(every)
     methods.main(["--device", "cpu", "--out", str(tmp_path), "--no-plots"])
@@ -119,7 +119,6 @@ def test_the_script_writes_tables_and_continues_where_it_was(tmp_path: Path, mon
         methods.main(["--only", "all", "--out", str(tmp_path)])
 
 
-def test_tables_tell_of_what_is_not_at_rest(tmp_path: Path) -> None:
+def test_tables_tell_of_what_is_not_at_rest() -> None:
     lost = replace(RUN, rest=0, looks=(look(100, np.inf),))
     assert any("not at rest" in line for line in methods_lines([lost]))
-    assert [path.name for path in save_methods([lost, RUN], tmp_path, plots=False)] == ["methods.json", "methods.csv"]

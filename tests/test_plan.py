@@ -101,7 +101,6 @@ def test_compulsory_bytes_are_those_of_the_arrays_of_a_launch_each_counted_once(
         launch.command.launch()
         changed = {name for name, array in launch.arrays().items() if not np.array_equal(before[name], array.numpy())}
         assert all(launch.arrays()[name].ptr in arrays for name in changed)  # what a launch writes counts
-    assert footprint.iteration_bytes(launches) == sum(footprint.compulsory_bytes(launch) for launch in launches)
 
 
 def test_memory_that_two_arrays_share_counts_once() -> None:

@@ -150,7 +150,7 @@ def field_contact(field: ContactField, p: wp.vec3d) -> wp.vec4f:
     """Unit normal and signed distance [m] at a world point p: (normal, d), d > 0 outside the avatar.
 
     d = sum c_ijk w_i(x) w_j(y) w_k(z) over 27 nodes, normal = grad d / |grad d|: both continuous everywhere
-    nearer than reach; the normal is zero beyond ``near``. Beyond reach, and outside the grid: normal zero, d >= reach.
+    closer than reach; the normal is zero beyond ``near``. Beyond reach, and outside the grid: normal zero, d >= reach.
     Where the gradient vanishes (on a medial axis deep inside), the normal is the grid direction along which d grows
     most.
     """

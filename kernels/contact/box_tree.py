@@ -2,8 +2,8 @@
 
 On a GPU a warp is a team: its threads test a node's boxes together, one each. On the CPU a thread is a team.
 
-Why not ``wp.Bvh``: tests/benchmarks/broad_phase.py runs both over the same garments, and both list the same pairs. Time
-of one search by ``wp.Bvh`` (refit, a thread for each query) over that by this tree:
+Why not ``wp.Bvh``: both list the same pairs, and it takes longer. Time of one search by ``wp.Bvh`` (refit, a thread for
+each query) over that by this tree, by tests/benchmarks/broad_phase.py of commit 3ba508b:
 
     one core of a CPU   3.3 (one T-shirt that hangs front on back), 2.4 (two layers), at 4,000 vertices
     NVIDIA H200         6.8, 4.8, 3.6 (one T-shirt), 7.7, 6.1, 4.2 (two layers), at 4,000, 16,000 and 65,000

@@ -62,37 +62,6 @@ def lower_first(ends: wp.vec2i):
     return wp.vec2i(wp.min(ends[0], ends[1]), wp.max(ends[0], ends[1]))
 
 
-@wp.func
-def store_crossing(
-    edge: int,
-    triangle: int,
-    count: wp.array(dtype=wp.int32),
-    crossing: wp.array(dtype=wp.vec2i),
-):
-    """Counts a crossing and stores it, unless the list is full."""
-    slot = wp.atomic_add(count, 0, 1)
-    if slot < crossing.shape[0]:
-        crossing[slot] = wp.vec2i(edge, triangle)
-
-
-@wp.kernel
-def find_every_crossing(
-    position: wp.array(dtype=wp.vec3d),  # [m], shape [V]
-    edges: wp.array(dtype=wp.vec2i),  # shape [E]
-    triangles: wp.array(dtype=wp.vec3i),  # shape [F]
-    item: wp.array(dtype=wp.int32),  # vertices of different items do not collide, shape [V]
-    count_out: wp.array(dtype=wp.int32),  # shape [1]
-    crossing_out: wp.array(dtype=wp.vec2i),  # edge and triangle, shape [capacity]
-):
-    """Tests every edge against every triangle; the reference for find_crossings."""
-    edge = wp.tid()
-    ends = lower_first(edges[edge])
-    for triangle in range(triangles.shape[0]):
-        corners = triangles[triangle]
-        if item[ends[0]] == item[corners[0]] and pierces(position, ends, corners):
-            store_crossing(edge, triangle, count_out, crossing_out)
-
-
 @wp.kernel
 def find_crossings(
     tree: wp.uint64,  # wp.Bvh of the triangles' boxes, grouped by item
@@ -112,7 +81,9 @@ def find_crossings(
     triangle = int(0)
     while wp.bvh_query_next(query, triangle):
         if pierces(position, ends, triangles[triangle]):
-            store_crossing(edge, triangle, count_out, crossing_out)
+            slot = wp.atomic_add(count_out, 0, 1)
+            if slot < crossing_out.shape[0]:  # else the list is full, and only counted
+                crossing_out[slot] = wp.vec2i(edge, triangle)
 
 
 @wp.kernel

@@ -1,4 +1,4 @@
-"""Untangling: moves cloth that passes through cloth back out, without knowing how it came there."""
+"""Untangling: moves cloth that passes through cloth back out, without knowing how it got there."""
 
 import functools
 from typing import Any
@@ -20,7 +20,7 @@ LEAST_SLOPE = wp.constant(wp.float64(0.05))  # sine between edge and triangle; o
 LAYERS = wp.constant(wp.int32(1))  # crosses another layer: the direction outwards is known
 ITSELF = wp.constant(wp.int32(2))  # crosses its own garment, or one of the same layer
 RING = wp.constant(wp.int32(16))  # searches that a tangle must last before one more ring of vertices is smoothed
-WIDEST = wp.constant(wp.int32(8 * 16))  # most of it: eight rings
+WIDEST = wp.constant(wp.int32(8 * 16))  # at most eight rings
 # Shifts between layers grow in proportion to the searches for which they have crossed, over PATIENCE, up to LONGEST
 # times: where taut cloth holds them, as under an arm, shorter ones have no effect.
 PATIENCE = wp.constant(wp.float64(32.0))
@@ -46,7 +46,7 @@ class Untangling:
     crosses: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, LAYERS or ITSELF, shape [V]
     age: wp.array(dtype=wp.int32)  # searches for which it or an adjacent one has crossed other layers, shape [V]
     next_age: wp.array(dtype=wp.int32)  # the same after this search, shape [V]
-    level: wp.array(dtype=wp.int32)  # how far round it the tangle is smoothed [1 / RING rings], shape [V]
+    level: wp.array(dtype=wp.int32)  # how far around it the tangle is smoothed [1 / RING rings], shape [V]
     sum: wp.array2d(dtype=wp.int64)  # shifts [SHIFT_UNIT] and their count, shape [V, 4]
     count: wp.array(dtype=wp.int32)  # crossing edges; vertices beyond a layer; tangled vertices, shape [3]
     nearest: wp.array(dtype=wp.int64)  # other layers' triangle nearest to a vertex, by ``distance_key``, shape [V]
@@ -206,7 +206,7 @@ def finish_kernel(precision: str) -> wp.Kernel:
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def finish_shifts(state: State, search: ContactSearch, contact: ContactData, untangling: Untangling):
-        """A vertex's untangling shift: the mean over its crossings, plus smoothing round tangles that last.
+        """A vertex's untangling shift: the mean over its crossings, plus smoothing around tangles that last.
 
         A fold that passes through itself is a loop; smoothed, it shortens and comes undone, as a curve does.
         """

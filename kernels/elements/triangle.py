@@ -251,6 +251,16 @@ def _excess_function(precision: str) -> wp.Function:
     return exact_excess
 
 
+@wp.func
+def corner_forces(slope: Any, on_weft: Any, on_warp: Any):
+    """Forces on a triangle's corners by what acts on its weft and its warp, u = w1 e1 + w2 e2 of both sides e."""
+    weft_1, warp_1 = component(slope, SlopeField.WEFT_1), component(slope, SlopeField.WARP_1)
+    weft_2, warp_2 = component(slope, SlopeField.WEFT_2), component(slope, SlopeField.WARP_2)
+    force_1 = negative(scaled_sum(on_weft, weft_1, on_warp * warp_1))
+    force_2 = negative(scaled_sum(on_weft, weft_2, on_warp * warp_2))
+    return negative(force_1 + force_2), force_1, force_2
+
+
 @functools.cache
 def yarn_function(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Function:
     """The function ``yarn_loads`` of a woven triangle, with friction or not; or of a packet of them, without."""
@@ -316,10 +326,7 @@ def yarn_function(precision: str, accumulate: Accumulate, terms: Terms, lanes: i
         own_weft, own_warp, across = weft_and_warp(tension)
         on_weft = scaled_sum(warp, across, scaled_sum(weft, own_weft, on_weft))
         on_warp = scaled_sum(weft, across, scaled_sum(warp, own_warp, on_warp))
-        weft_1, warp_1 = component(slope, SlopeField.WEFT_1), component(slope, SlopeField.WARP_1)
-        weft_2, warp_2 = component(slope, SlopeField.WEFT_2), component(slope, SlopeField.WARP_2)
-        force_1 = negative(scaled_sum(on_weft, weft_1, on_warp * warp_1))
-        force_2 = negative(scaled_sum(on_weft, weft_2, on_warp * warp_2))
-        return negative(force_1 + force_2), force_1, force_2, amounts
+        force_0, force_1, force_2 = corner_forces(slope, on_weft, on_warp)
+        return force_0, force_1, force_2, amounts
 
     return yarn_loads

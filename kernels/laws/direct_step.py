@@ -1,4 +1,4 @@
-"""The paper's own rule for a vertex' step (section 4): total force, capped slightly above gravity, moves the vertex.
+"""The paper's own rule for a vertex's step (section 4): total force, capped slightly above gravity, moves the vertex.
 
 Apart from ``step``, as / here is Warp's own division.
 """

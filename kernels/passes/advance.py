@@ -125,7 +125,7 @@ def block_read_function(options: KernelOptions) -> wp.Function:
 
 @functools.cache
 def move_function(options: KernelOptions) -> wp.Function:
-    """The function that ends a vertex' iteration in the kernels below."""
+    """The function that ends a vertex's iteration in the kernels below."""
     types, order = cloth_types(options.precision), order_functions(options.precision, options.packed, options.in_order)
     point, vec3, State, Vertex, Step = types.point, types.vec3, types.State, types.Vertex, types.Step
     put_position, put_displacement = order.put_position, order.put_displacement

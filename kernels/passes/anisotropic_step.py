@@ -209,7 +209,7 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
 
 @wp.func
 def compliance_of(matrix: Any, total: Any, limit: Any):
-    """(B / k + I / limit)^-1, with B the matrix and k the total of what bounds the vertex' step."""
+    """(B / k + I / limit)^-1, with B the matrix and k the total of what bounds the vertex's step."""
     one = type(total)(1.0)
     compliance = multiple_of_unit(one)
     if total > type(total)(0.0):
@@ -217,18 +217,60 @@ def compliance_of(matrix: Any, total: Any, limit: Any):
     return compliance
 
 
-def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order: bool) -> wp.Kernel:
+def _bound_functions(precision: str, terms: Terms, packed: bool, in_order: bool) -> SimpleNamespace:
+    """Functions ``edge_matrix``, ``folds_size`` and ``yarns_bound``: bounds of a vertex's step by element."""
     types, order = cloth_types(precision), order_functions(precision, packed, in_order)
-    position_at, displacement_at, put_compliance = order.position_at, order.displacement_at, order.put_compliance
-    real, Model, State, Step = types.real, types.Model, types.State, types.Step
-    Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
+    position_at, displacement_at = order.position_at, order.displacement_at
+    real, State, Step, Edges, Triangles = types.real, types.State, types.Step, types.Edges, types.Triangles
     sides_of = sides_function(precision, Accumulate.ANISOTROPIC_STIFFNESS, packed, in_order)
     difference = difference_function(precision)
+
+    @wp.func
+    def edge_matrix(state: State, edges: Edges, edge: int, step: Step):
+        """Bound of an edge as a matrix [N/m], and its size."""
+        ends = element(edges.ends, edge)
+        side = difference(position_at(state, ends[1]), position_at(state, ends[0]))
+        change = displacement_at(state, ends[1]) - displacement_at(state, ends[0])
+        return edge_bound(side, change, element(edges.spring, edge), step.allowance, step.horizon)
 
     @wp.func
     def bound_of(side: int, bound: wp.array(dtype=real)):
         """Bound of the hinge of a side, an element of Triangles.edges [N/m]."""
         return element(bound, wp.where(side < 0, -1 - side, side))
+
+    @wp.func
+    def folds_size(triangles: Triangles, triangle: int, corner: int, bound: wp.array(dtype=real)):
+        """Bound of the hinges of a triangle's sides at one of its corners [N/m]."""
+        opposite = element(triangles.edges, triangle)
+        bound_0, bound_1 = bound_of(opposite[0], bound), bound_of(opposite[1], bound)
+        return folds_bound(bound_0, bound_1, bound_of(opposite[2], bound), corner)
+
+    @wp.func
+    def yarns_bound(state: State, triangles: Triangles, triangle: int, corner: int, step: Step):
+        """Bound of a triangle's yarns at one of its corners as a matrix [N/m], and its size."""
+        slope, yarns = element(triangles.slope, triangle), element(triangles.yarns, triangle)
+        sides = sides_of(state, element(triangles.corners, triangle))
+        if wp.static(terms.shear_hysteresis):
+            weft, warp, bounds, fraction, inverse_length = rubbing_yarn_bounds(
+                sides.side_1, sides.side_2, sides.change_1, sides.change_2, slope, yarns,
+                element(triangles.shear_hysteresis, triangle), step.allowance, step.horizon,
+            )  # fmt: skip
+        else:
+            weft, warp, bounds, fraction, inverse_length = yarn_bounds(
+                sides.side_1, sides.side_2, sides.change_1, sides.change_2,
+                slope, yarns, step.allowance, step.horizon,
+            )  # fmt: skip
+        return yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, corner)
+
+    return SimpleNamespace(edge_matrix=edge_matrix, folds_size=folds_size, yarns_bound=yarns_bound)
+
+
+def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order: bool) -> wp.Kernel:
+    types, put_compliance = cloth_types(precision), order_functions(precision, packed, in_order).put_compliance
+    real, Model, State, Step = types.real, types.Model, types.State, types.Step
+    Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
+    functions = _bound_functions(precision, terms, packed, in_order)
+    edge_matrix, folds_size, yarns_bound = functions.edge_matrix, functions.folds_size, functions.yarns_bound
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def find_compliance(
@@ -255,11 +297,7 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
         matrix = multiple_of_unit(total)
         if wp.static(terms.edges):
             for row in range(element(rows.edge_start, vertex), element(rows.edge_start, vertex + 1)):
-                edge = element(rows.edge, row)
-                ends = element(edges.ends, edge)
-                side = difference(position_at(state, ends[1]), position_at(state, ends[0]))
-                change = displacement_at(state, ends[1]) - displacement_at(state, ends[0])
-                more, size = edge_bound(side, change, element(edges.spring, edge), step.allowance, step.horizon)
+                more, size = edge_matrix(state, edges, element(rows.edge, row), step)
                 matrix += more
                 total += size
         if wp.static(terms.folds or terms.yarns):
@@ -268,25 +306,11 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
                 triangle = entry // 3
                 corner = entry - 3 * triangle
                 if wp.static(terms.folds):
-                    opposite = element(triangles.edges, triangle)
-                    bound_0, bound_1 = bound_of(opposite[0], bound), bound_of(opposite[1], bound)
-                    size = folds_bound(bound_0, bound_1, bound_of(opposite[2], bound), corner)
+                    size = folds_size(triangles, triangle, corner, bound)
                     matrix += multiple_of_unit(size)
                     total += size
                 if wp.static(terms.yarns):
-                    slope, yarns = element(triangles.slope, triangle), element(triangles.yarns, triangle)
-                    sides = sides_of(state, element(triangles.corners, triangle))
-                    if wp.static(terms.shear_hysteresis):
-                        weft, warp, bounds, fraction, inverse_length = rubbing_yarn_bounds(
-                            sides.side_1, sides.side_2, sides.change_1, sides.change_2, slope, yarns,
-                            element(triangles.shear_hysteresis, triangle), step.allowance, step.horizon,
-                        )  # fmt: skip
-                    else:
-                        weft, warp, bounds, fraction, inverse_length = yarn_bounds(
-                            sides.side_1, sides.side_2, sides.change_1, sides.change_2,
-                            slope, yarns, step.allowance, step.horizon,
-                        )  # fmt: skip
-                    more, size = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, corner)
+                    more, size = yarns_bound(state, triangles, triangle, corner, step)
                     matrix += more
                     total += size
         put_compliance(state.compliance, vertex, compliance_of(matrix, total, limit))
@@ -296,7 +320,7 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
 
 @wp.func
 def transferred(old: Any, new: Any, move: Any):
-    """The part of a displacement that adds no energy to the oscillation when its vertex' compliance changes.
+    """The part of a displacement that adds no energy to the oscillation when its vertex's compliance changes.
 
     A step of compliance L oscillates with the inertia k / L. Where that changes from L0 to L1, d becomes
     2 L1 (L0 + L1)^-1 d: d' k/L1 d' is never more than d k/L0 d. From update to update compliance changes so little

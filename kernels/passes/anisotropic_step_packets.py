@@ -1,13 +1,14 @@
 """The anisotropic step of woven cloth on the CPU: bounds are scattered from packets of triangles; same bits.
 
-No twin of ``anisotropic_step``, which gathers at each vertex: that would measure every triangle three times here. What
-a triangle bounds at its corners is computed by the same functions.
+``anisotropic_step`` gathers at each vertex, which would measure every triangle three times here. Both compute
+a triangle's bounds at its corners by the same functions.
 
-What is summed at a vertex lies in two arrays: xx, yy, zz of the matrix and its size; xy, xz, yz and nothing.
+A vertex's sum is kept in two arrays: xx, yy, zz of the matrix and its size; xy, xz, yz and zero.
 """
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -35,16 +36,29 @@ def _begin_kernel(precision: str) -> wp.Kernel:
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def begin_bounds(
         model: Model,
-        straight_out: wp.array(dtype=vec4),  # shape [V]
-        crossed_out: wp.array(dtype=vec4),
+        diagonal_out: wp.array(dtype=vec4),  # shape [V]
+        off_diagonal_out: wp.array(dtype=vec4),
     ):
-        """Starts each vertex' sum with the bound of its free fall, weight over cap."""
+        """Starts each vertex's sum with the bound of its free fall, weight over cap."""
         vertex = wp.tid()
         own = model.weight[vertex] / model.items[model.item[vertex]].cap
-        straight_out[vertex] = vec4(own, own, own, own)
-        crossed_out[vertex] = vec4()
+        diagonal_out[vertex] = vec4(own, own, own, own)
+        off_diagonal_out[vertex] = vec4()
 
     return begin_bounds
+
+
+@wp.func
+def diagonal_of(matrix: Any, size: Any):
+    """What is added to the first array."""
+    return vector4(component(matrix, 0), component(matrix, 1), component(matrix, 2), size)
+
+
+@wp.func
+def off_diagonal_of(matrix: Any):
+    """What is added to the second."""
+    xy = component(matrix, 3)
+    return vector4(xy, component(matrix, 4), component(matrix, 5), type(xy)(0.0))
 
 
 def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
@@ -68,17 +82,6 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
             vector4(third, third, third, third),
         )
 
-    @wp.func
-    def straight(matrix: packets.vec6, size: packets.real):
-        """What goes to the first array."""
-        return vector4(component(matrix, 0), component(matrix, 1), component(matrix, 2), size)
-
-    @wp.func
-    def crossed(matrix: packets.vec6):
-        """What goes to the second."""
-        zero = packets.real(real(0.0))
-        return vector4(component(matrix, 3), component(matrix, 4), component(matrix, 5), zero)
-
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def sum_bounds(
         model: Model,
@@ -86,8 +89,8 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
         triangles: Triangles,
         fold: wp.array(dtype=vec4),  # of scatter.add_edges, of packets, shape [E]
         step: Step,
-        straight_out: wp.array(dtype=vec4),  # shape [V]
-        crossed_out: wp.array(dtype=vec4),
+        diagonal_out: wp.array(dtype=vec4),  # shape [V]
+        off_diagonal_out: wp.array(dtype=vec4),
     ):
         """Adds the bounds of eight triangles' hinges and yarns to their corners."""
         number = wp.tid()
@@ -110,10 +113,14 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
         second, size_1 = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, 1)
         third, size_2 = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, 2)
         add_packet_pairs(
-            straight_out, triangles.corners, start, lanes,
-            folds_0, folds_1, folds_2, straight(first, size_0), straight(second, size_1), straight(third, size_2),
+            diagonal_out, triangles.corners, start, lanes,
+            folds_0, folds_1, folds_2,
+            diagonal_of(first, size_0), diagonal_of(second, size_1), diagonal_of(third, size_2),
         )  # fmt: skip
-        add_packets(crossed_out, triangles.corners, start, lanes, crossed(first), crossed(second), crossed(third))
+        add_packets(
+            off_diagonal_out, triangles.corners, start, lanes,
+            off_diagonal_of(first), off_diagonal_of(second), off_diagonal_of(third),
+        )  # fmt: skip
 
     return sum_bounds
 
@@ -126,8 +133,8 @@ def _end_kernel(precision: str) -> wp.Kernel:
     def take_bounds(
         model: Model,
         state: State,
-        straight: wp.array(dtype=vec4),  # of sum_bounds, shape [V]
-        crossed: wp.array(dtype=vec4),
+        diagonal: wp.array(dtype=vec4),  # of sum_bounds, shape [V]
+        off_diagonal: wp.array(dtype=vec4),
     ):
         """Sets the compliance of every vertex whose item takes anisotropic steps."""
         vertex = wp.tid()
@@ -136,7 +143,7 @@ def _end_kernel(precision: str) -> wp.Kernel:
         limit = model.items[model.item[vertex]].anisotropy_limit
         if limit == real(0.0):
             return
-        a, b = straight[vertex], crossed[vertex]
+        a, b = diagonal[vertex], off_diagonal[vertex]
         state.compliance[vertex] = compliance_of(vec6(a[0], a[1], a[2], b[0], b[1], b[2]), a[3], limit)
 
     return take_bounds

@@ -144,7 +144,7 @@ def load_functions(options: KernelOptions) -> SimpleNamespace:
 
     @wp.func
     def vertex_slots(patches: Patches, patch: Patch, local: int):
-        """Where a vertex' first edges and triangles have their loads; beyond the last own vertex, those of any."""
+        """Where a vertex's first edges and triangles have their loads; beyond the last own vertex, those of any."""
         edges, triangles = wp.vec4i(), wp.vec4i()
         own = wp.min(local, patch.owned_count - 1)
         if wp.static(terms.edges):
@@ -290,7 +290,7 @@ def _compute_tiles_function(options: KernelOptions) -> wp.Function:
 def patch_functions(options: KernelOptions) -> SimpleNamespace:
     """Functions ``own_vertex``, ``two_vertices``, ``compute_edges``, ``compute_corners``, and of ``load_functions``.
 
-    A vertex' load may be summed once the whole block has computed edges and corners.
+    A vertex's load may be summed once the whole block has computed edges and corners.
     """
     terms, PatchWork, Context = options.terms, work_type(options.precision), context_type(options.precision)
     compute_tile_corners, compute_triangles = tile_corners_step(options), triangles_step(options)

@@ -6,6 +6,7 @@ WIDTH) a packet of eight and adds these one by one: the same bits, in a third of
 """
 
 import functools
+from types import SimpleNamespace
 
 import warp as wp
 
@@ -176,21 +177,14 @@ def sides_function(precision: str, accumulate: Accumulate, packed: bool = False,
     return sides_of
 
 
-@functools.cache
-def triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Kernel:
-    """Kernel ``add_triangles``; ``accumulate``: what is summed besides forces.
-
-    Of packets it is a bound, and yarns have no friction.
-    """
+def _triangle_readers(precision: str, accumulate: Accumulate, terms: Terms, lanes: int) -> SimpleNamespace:
+    """The functions ``sides_of`` and ``side_fold``, by which ``add_triangles`` reads triangles."""
     types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
-    Model, State, Step, Triangles = types.Model, types.State, types.Step, types.Triangles
-    vec4, like, Sides = types.vec4, wp.constant(types.real(0.0)), sides_type(precision, lanes)
+    State, vec4, like, Sides = types.State, types.vec4, wp.constant(types.real(0.0)), sides_type(precision, lanes)
     memory = lane_memory(precision, lanes)
-    first_of, active, load, add_to = memory.first, memory.active, memory.load, memory.add
     load_at, load_signed, load_signs, load_sides = (
         memory.load_at, memory.load_signed, memory.load_signs, memory.load_sides,
     )  # fmt: skip
-    corner_loads = corner_function(precision, accumulate, terms, lanes)
 
     @wp.func
     def sides_of(
@@ -218,6 +212,23 @@ def triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes
         found = load_signed(fold, edges, first, which)
         torque = component(found, 0)
         return vector3(torque * load_signs(torque, edges, first, which), component(found, 1), component(found, 2))
+
+    return SimpleNamespace(sides_of=sides_of, side_fold=side_fold)
+
+
+@functools.cache
+def triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Kernel:
+    """Kernel ``add_triangles``; ``accumulate``: what is summed besides forces.
+
+    Of packets it is a bound, and yarns have no friction.
+    """
+    types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
+    Model, State, Step, Triangles = types.Model, types.State, types.Step, types.Triangles
+    vec4, Sides, memory = types.vec4, sides_type(precision, lanes), lane_memory(precision, lanes)
+    first_of, active, load, add_to = memory.first, memory.active, memory.load, memory.add
+    read = _triangle_readers(precision, accumulate, terms, lanes)
+    sides_of, side_fold = read.sides_of, read.side_fold
+    corner_loads = corner_function(precision, accumulate, terms, lanes)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_triangles(

@@ -157,14 +157,14 @@ def order_functions(precision: str, packed: bool, in_order: bool = True) -> Simp
 
     @wp.func
     def compliance_at(state: State, vertex: int):
-        """A vertex' compliance."""
+        """A vertex's compliance."""
         if wp.static(packed):
             return packed_six(state.compliance, vertex)
         return state.compliance[vertex]
 
     @wp.func
     def put_compliance(compliance_out: wp.array(dtype=vec6), vertex: int, compliance: vec6):
-        """Writes a vertex' compliance."""
+        """Writes a vertex's compliance."""
         if wp.static(packed):
             put_packed_six(compliance_out, vertex, compliance)
         else:

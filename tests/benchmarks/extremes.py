@@ -5,7 +5,7 @@
 
 Stiffness from 1 to 1e8 N/m, needles, edges of 1:10,000 in one mesh, seams 50 times too long, garments inside the body
 or 900 km away. Every run must come to rest, say that it did not, or be refused; the script fails where one crashed,
-hung or lost its numbers. Writes extremes.json, extremes.csv and extremes.png (the stability map).
+hung or lost its numbers. Writes extremes.csv and extremes.png (the stability map).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Results of the extremes: a table of outcomes, CSV, JSON, and the stability map."""
+"""Results of the extremes: a table of outcomes, CSV, and the stability map."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import csv
 import io
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,6 @@ from extremes_study import CAPS, LIMIT, METHODS, SIZES, STIFFNESS, Outcome, theo
 
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.plots import figure_class
-from warp_cloth.export.report import write_report
 
 COLOURS = {"at rest": "#4c9f70", "not at rest": "#f2c14e", "diverged": "#d1495b", "refused": "#9a9a9a"}
 ODD = "#000000"  # of what must not happen
@@ -67,18 +65,17 @@ def _resting(runs: Sequence[Outcome]) -> int:
 
 
 def save_extremes(found: Sequence[Outcome], folder: Path, *, plots: bool = True) -> list[Path]:
-    """Writes extremes.json, .csv and, where matplotlib is there and both maps were run, extremes.png.
+    """Writes extremes.csv and, where matplotlib is there and both maps were run, extremes.png.
 
     Raises:
         InputError: the folder cannot be written, or ``plots`` are wanted and cannot be drawn.
     """
-    paths = [folder / "extremes.json", folder / "extremes.csv"]
-    write_report(paths[0], {"outcomes": [asdict(outcome) for outcome in found]})
+    paths = [folder / "extremes.csv"]
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(COLUMNS)
     rows.writerows([getattr(outcome, column) for column in COLUMNS] for outcome in found)
-    with whole_file(paths[1]) as place:
+    with whole_file(paths[0]) as place:
         place.write_text(text.getvalue(), encoding="utf-8")
     if plots and {"map", "precision"} <= {outcome.group for outcome in found}:
         paths.append(folder / "extremes.png")

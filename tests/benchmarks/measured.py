@@ -142,13 +142,19 @@ def rendered(page: str, rows: Iterable[Row]) -> str:
 
 
 def table_of(rows: Sequence[Row]) -> str:
-    """Rows as a Markdown table."""
-    lines = ["name | value | unit | hardware | commit | source", "--- | --: | --- | --- | --- | ---"]
+    """Rows as Markdown: a table for each command, under a line that says where it ran and at which commit."""
+    tables: dict[tuple[str, ...], list[str]] = {}
     for row in rows:
-        source = row.source if row.source == CARRIED else f"`{row.source}`"
         name = row.name.partition(".")[2]
-        lines.append(f"{name} | {row.value} | {row.unit} | {row.hardware} | {row.commit} | {source}")
-    return "".join(f"| {line} |\n" for line in lines)
+        tables.setdefault((row.hardware, row.commit, row.source), []).append(f"| {name} | {row.value} | {row.unit} |\n")
+    return "\n".join(
+        _caption(*run) + "| name | value | unit |\n| --- | --: | --- |\n" + "".join(lines)
+        for run, lines in tables.items()
+    )
+
+
+def _caption(hardware: str, commit: str, source: str) -> str:
+    return f"{hardware}, {source if source == CARRIED else f'{commit}: `{source}`'}\n\n"
 
 
 def _script_of(row: Row) -> str:

@@ -3,9 +3,9 @@
     python tests/benchmarks/methods.py --device cuda:0 --out study
     python tests/benchmarks/methods.py --only sizes --processes 8
 
-Writes methods.json, methods.csv, methods.png and rest_error.png, and keeps every run in methods.jsonl: interrupted, the
-same command continues there. Groups: "methods" (four scenes by every method), "sizes" (three scenes by size and
-stiffness), "truth" (certificates against where the run ended).
+Keeps every run in methods.jsonl, from which an interrupted command continues, and draws methods.png and rest_error.png.
+Groups: "methods" (four scenes by every method), "sizes" (three scenes by size and stiffness), "truth" (certificates
+against where the run ended).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import argparse
 from pathlib import Path
 
 from measured import Figures, add_write_option
-from methods_files import methods_lines, save_methods, side_by_side, truth_of
+from methods_files import methods_lines, save_plots, side_by_side, truth_of
 from methods_scenes import GROUPS
 from methods_study import LEVELS, Measurement, MethodStudy, Run
 
@@ -60,7 +60,7 @@ def main(arguments: list[str] | None = None) -> None:
     device = device_named(options.device)
     study = MethodStudy(options.out / "methods.jsonl", device, lambda line: print(line, flush=True), options.processes)
     runs = study.run(options.only or GROUPS)
-    paths = save_methods(runs, options.out, plots=options.plots)
+    paths = save_plots(runs, options.out) if options.plots else []
     print("\n".join([*methods_lines(runs), *wrote_rows(paths)]))
     with Figures(__file__, options, device=device) as figures:
         add_figures(figures, runs)

@@ -1,12 +1,10 @@
-"""Results of the methods: tables, CSV, JSON, and plots of their convergence and of the certificate's truth."""
+"""Results of the methods: tables, and plots of their convergence and of the certificate's truth."""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,6 @@ from methods_study import LEVELS, Measurement, Run
 
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.plots import figure_class
-from warp_cloth.export.report import write_report
 
 COLOURS = {"direct": "tab:red", "momentum": "tab:orange", "accelerated": "tab:blue", "multilevel": "tab:green"}
 MARKS = {"hanging": "o", "strip": "s", "ball": "^", "disc": "h", "tshirt": "D"}
@@ -103,37 +100,12 @@ def _cell(run: Run, look: Measurement | None) -> str:
     return "-" if look is None else f"{run.coarse + look.iteration:,.0f} {look.seconds:.3g} s"
 
 
-def save_methods(runs: Sequence[Run], folder: Path, *, plots: bool = True) -> list[Path]:
-    """Writes methods.json, methods.csv and, where matplotlib is there, methods.png and rest_error.png."""
-    paths = [folder / "methods.json", folder / "methods.csv"]
-    write_report(paths[0], {"truth": asdict(truth_of(runs)), "runs": [_summary(run) for run in runs]})
-    with whole_file(paths[1]) as place:
-        place.write_text(_csv(runs), encoding="utf-8")
-    if plots:
-        paths += [folder / "methods.png", folder / "rest_error.png"]
-        _plot_methods(paths[2], runs)
-        _plot_truth(paths[3], runs)
+def save_plots(runs: Sequence[Run], folder: Path) -> list[Path]:
+    """Writes methods.png and rest_error.png."""
+    paths = [folder / "methods.png", folder / "rest_error.png"]
+    _plot_methods(paths[0], runs)
+    _plot_truth(paths[1], runs)
     return paths
-
-
-def _summary(run: Run) -> dict[str, Any]:
-    values: dict[str, Any] = {"scene": run.case.name, "method": run.method, "device": run.device}
-    values |= {"vertices": run.vertices, "coarse": run.coarse, "rest": run.rest, "work": run.work, "end_mm": run.end_mm}
-    for level in LEVELS:
-        look = run.first(level)
-        values[f"{100 * level:g} %"] = None if look is None else asdict(look)
-    return values
-
-
-def _csv(runs: Sequence[Run]) -> str:
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(["scene", "method", "vertices", "coarse", "rest", *Measurement.__dataclass_fields__])
-    for run in runs:
-        for look in run.looks:
-            own = [f"{value:.6g}" if isinstance(value, float) else value for value in asdict(look).values()]
-            rows.writerow([run.case.name, run.method, run.vertices, f"{run.coarse:.6g}", run.rest, *own])
-    return text.getvalue()
 
 
 def _plot_methods(path: Path, runs: Sequence[Run]) -> None:

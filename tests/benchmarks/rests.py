@@ -73,7 +73,7 @@ def rested(name: str, tolerance: float, limit: int, device: str) -> dict[str, An
     seconds = time.perf_counter() - began
     cloth_contact = made.relaxation.cloth_contact
     assert cloth_contact is not None
-    pairs = find_crossings(outcome.points, cloth_contact.sheets, device, every_pair=True).pairs
+    pairs = find_crossings(outcome.points, cloth_contact.sheets, device).pairs
     between = int((cloth_contact.sheets.garment[pairs[:, 0]] != cloth_contact.sheets.garment[pairs[:, 1]]).sum())
     row: dict[str, Any] = {
         "name": name, "vertices": made.model.vertex_count, "status": outcome.status.value,

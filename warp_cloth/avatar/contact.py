@@ -29,7 +29,7 @@ from warp_cloth.kernels.avatar.field import ContactField, field_contact
 
 log = logging.getLogger(__name__)
 
-# Width of the depth buffers' border round the garments [m]: as far as a garment can fall between two checks (20
+# Width of the depth buffers' border around the garments [m]: as far as a garment can fall between two checks (20
 # iterations at the default cap of 5 mm). When one comes near the edge, the buffers are drawn again.
 MARGIN = 0.15
 NEAR_EDGE = 0.04  # what must be left of that border [m]: more than the field's own reach and support
@@ -95,7 +95,7 @@ class _LazyReport:
 def followed(exact: ExactCollider, surface: Points, cloth: Points) -> Points:
     """Where cloth at these positions [m] goes as the collider's vertices move to ``surface`` [m], shape [V, 3].
 
-    It follows the surface near it, less and less farther off.
+    It follows the surface near it, and less the farther it is off.
     """
     near = exact.closest(cloth)
     away = np.linalg.norm(cloth - near.points, axis=1)

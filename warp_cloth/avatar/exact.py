@@ -143,11 +143,9 @@ def signed_distances(
     return np.ascontiguousarray(reaching.sample(points)[:, 3])
 
 
-def penetration(
-    points: Points, avatar: Mesh, device: wp.DeviceLike = None, exact: ExactCollider | None = None
-) -> Penetration:
+def penetration(points: Points, avatar: Mesh, device: wp.DeviceLike = None) -> Penetration:
     """How deep points lie under the avatar's surface; NaN where a point is not finite."""
-    (depths,) = depths_under(points, [len(points)], [exact or build_exact_collider(avatar, device)])
+    (depths,) = depths_under(points, [len(points)], [build_exact_collider(avatar, device)])
     return depth_summary(depths)
 
 

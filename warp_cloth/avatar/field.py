@@ -129,11 +129,9 @@ def _sweep(
     return distance
 
 
-def build_contact_field(
-    buffers: DepthBuffers | LayeredBuffers, spacing: float | None = None, reach: float = DEFAULT_REACH
-) -> FieldBuild:
-    """Bakes the signed distance to the solid of ``buffers`` on a grid of ``spacing`` [m] over its region."""
-    h = max(PIXELS_PER_SPACING * buffers.pixel, LEAST_SPACING) if spacing is None else spacing
+def build_contact_field(buffers: DepthBuffers | LayeredBuffers, reach: float = DEFAULT_REACH) -> FieldBuild:
+    """Bakes the signed distance to the solid of ``buffers`` on a grid over its region."""
+    h = max(PIXELS_PER_SPACING * buffers.pixel, LEAST_SPACING)
     device = buffers.device
     bake = bake_kernels(buffers.level, buffers.solid_type)
     solid, offset = buffers.solid(), wp.vec3f()

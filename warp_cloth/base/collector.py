@@ -1,4 +1,4 @@
-"""Python's garbage collector, kept from looking through what stays."""
+"""Keeps Python's garbage collector from traversing objects that live as long as the process."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def what_stays() -> Iterator[None]:
-    """For imports: the collector does not run meanwhile, nor look through what they made, or what was there, later.
+def collector_paused() -> Iterator[None]:
+    """For imports: the collector does not run meanwhile, nor later traverse what exists at their end.
 
-    It would go through a million objects again and again and free nothing.
+    It would traverse a million objects again and again and free none.
     """
     was_enabled = gc.isenabled()
     gc.disable()

@@ -18,7 +18,7 @@ PATIENCE = 30.0  # [s] that it waits for more
 def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, and the input with it
     answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what the compiler prints is no answer
+    os.dup2(2, 1)  # what the compiler prints goes to stderr
     del sys.path[0]  # this folder, whose modules have names that others have
     import warp
     from warp._src import build, context
@@ -26,11 +26,11 @@ def main() -> None:
     warp.config.log_level = warp.LOG_WARNING
     warp.init()
     while line := _next_line():
-        words, named = json.loads(line)
-        if named.get("use_precompiled_headers"):
-            named["pch_dir"] = context.runtime.get_clang_pch_dir()  # its own: others write theirs at the same time
+        args, kwargs = json.loads(line)
+        if kwargs.get("use_precompiled_headers"):
+            kwargs["pch_dir"] = context.runtime.get_clang_pch_dir()  # its own: others write theirs at the same time
         try:
-            build.build_cpu(*words, **named)
+            build.build_cpu(*args, **kwargs)
             answer = "done"
         except Exception as error:
             answer = " ".join(str(error).split()) or "failed"

@@ -58,7 +58,7 @@ class Build(NamedTuple):
 
 
 def missing_builds(modules: Sequence[Any]) -> list[Build]:
-    """What Warp's cache lacks; nothing where this Warp does not tell, as it is another one than 1.19."""
+    """What Warp's cache lacks; nothing where it cannot be found out, as Warp's internals are not those of 1.19."""
     import warp as wp
     from warp._src import context
 
@@ -86,7 +86,7 @@ def compile_for_cpu(modules: Sequence[Any], on_begin: Callable[[], None] = lambd
     on_begin()
     with compiled_by(_compilers(os.getpid(), count).build), ThreadPoolExecutor(2 * count) as threads:
         for ended in [threads.submit(build.run) for build in builds]:
-            with contextlib.suppress(Exception):  # raised again, and told, when it is loaded
+            with contextlib.suppress(Exception):  # raised again, and reported, when the module is loaded
                 ended.result()
 
 
@@ -112,16 +112,16 @@ class _Compilers:
             self._free.put(_Compiler())
         self._own = threading.Lock()
 
-    def build(self, own: Callable[..., None], *words: Any, **named: Any) -> None:
+    def build(self, own: Callable[..., None], *args: Any, **kwargs: Any) -> None:
         """Compiles a file by a free process, or in this one where that fails."""
         compiler = self._free.get()
         try:
-            done = compiler.build(words, named)
+            done = compiler.build(args, kwargs)
         finally:
             self._free.put(compiler)
         if not done:
             with self._own:
-                own(*words, **named)
+                own(*args, **kwargs)
 
 
 class _Compiler:
@@ -129,36 +129,35 @@ class _Compiler:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[str] | None = None
-        self._serves = True  # no longer where it does not start
+        self._serves = True  # False once it could not be started
 
-    def build(self, words: Sequence[Any], named: dict[str, Any]) -> bool:
+    def build(self, args: Sequence[Any], kwargs: dict[str, Any]) -> bool:
         """Whether the process has compiled a file."""
         with contextlib.suppress(OSError, ValueError, TypeError):
-            request = json.dumps([words, named])
+            request = json.dumps([args, kwargs])
             while self._serves:
                 fresh = self._process is None
                 self._process = self._process or _started()
-                answer = _asked(self._process, request)
+                answer = _answer(self._process, request)
                 if answer:
                     return answer == "done\n"
-                self._process, self._serves = None, not fresh  # one that has waited too long is started again
+                self._process, self._serves = None, not fresh  # one that ended for lack of work is started again
         return False
 
 
 def _started() -> subprocess.Popen[str]:
-    nowhere = subprocess.DEVNULL
     return subprocess.Popen(
         [sys.executable, str(Path(__file__).with_name("compiler.py"))],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        stderr=nowhere,
+        stderr=subprocess.DEVNULL,
         text=True,
-        env={**os.environ, "CUDA_VISIBLE_DEVICES": ""},  # it needs none
+        env={**os.environ, "CUDA_VISIBLE_DEVICES": ""},  # it needs no GPU
     )
 
 
-def _asked(process: subprocess.Popen[str], request: str) -> str:
-    """A process's answer, with the end of its line; empty where it has ended."""
+def _answer(process: subprocess.Popen[str], request: str) -> str:
+    """A process's answer to a request, with its newline; empty where the process has ended."""
     if process.stdin is None or process.stdout is None:
         return ""
     try:

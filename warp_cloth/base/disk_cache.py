@@ -114,7 +114,7 @@ class DiskCache:
 
 
 def disk_cache() -> DiskCache:
-    """The user's cache. Processes of a batch read it only: what they derive is seldom wanted again."""
+    """The user's cache. Processes of a batch read it only: what they derive is rarely needed again."""
     return DiskCache(cache_folder(), writes=ONE_THREAD not in os.environ)
 
 
@@ -182,8 +182,8 @@ def _files(folder: Path) -> Iterator[tuple[str, int, float]]:
 def _packed(entry: Entry) -> bytes:
     """An entry as bytes: what it is, the length of its head, a check sum of all that follows; head; arrays."""
     arrays = {name: np.ascontiguousarray(array) for name, array in entry.arrays.items()}
-    told = {name: [array.dtype.str, array.shape] for name, array in arrays.items()}
-    head = json.dumps({"arrays": told, "values": entry.values}).encode()
+    layout = {name: [array.dtype.str, array.shape] for name, array in arrays.items()}
+    head = json.dumps({"arrays": layout, "values": entry.values}).encode()
     pieces = [_filled_up(head), *(_filled_up(array.tobytes()) for array in arrays.values())]
     body = b"".join(pieces)
     return _filled_up(MAGIC + f"{len(head)} {zlib.crc32(body)}\n".encode()) + body

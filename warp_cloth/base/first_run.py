@@ -1,6 +1,6 @@
 """Whether this machine has the kernels already. Imports nothing slow: a command asks before all else.
 
-A file in the user's cache folder says so, for this package's kernels and this Warp; whoever has fitted puts it there.
+A file in the user's cache folder says so, for this package's kernels and this Warp; the first fit puts it there.
 """
 
 from __future__ import annotations

@@ -29,9 +29,9 @@ def stored_mesh(name: str, packages: tuple[str, ...], make: Callable[[], Mesh], 
 def _entry_of(mesh: Mesh) -> Entry:
     if mesh.folds is not None:
         raise ValueError("a mesh with folds cannot be stored")
-    told = {each.name: getattr(mesh, each.name) for each in fields(mesh)}
-    arrays = {name: value for name, value in told.items() if isinstance(value, np.ndarray)}
-    return Entry(arrays, {name: value for name, value in told.items() if name not in arrays and value is not None})
+    values = {each.name: getattr(mesh, each.name) for each in fields(mesh)}
+    arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    return Entry(arrays, {name: value for name, value in values.items() if name not in arrays and value is not None})
 
 
 def _mesh_of(entry: Entry) -> Mesh:

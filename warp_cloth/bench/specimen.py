@@ -103,35 +103,9 @@ class Specimens:
             for item, outcome in enumerate(outcomes)
         ]
 
-
-class Specimen(Specimens):
-    """A flat piece of a fabric whose clamped vertices a test moves from one position to the next.
-
-    ``count`` identical ones relax together.
-    """
-
-    def __init__(
-        self,
-        mesh: Mesh,
-        fabric: Fabric,
-        clamped: Indices,
-        *,
-        grain_degrees: float = 0.0,
-        weightless: bool = True,
-        device: str = "cpu",
-        options: StepOptions | None = None,
-        count: int = 1,
-        laid: Laid | None = None,
-        collider: Collider | None = None,
-    ) -> None:
-        self.mesh, self.clamped = mesh, clamped
-        own = piece(mesh, fabric, clamped, grain_degrees=grain_degrees, laid=laid)
-        self.rest = own.rest
-        super().__init__([own] * count, weightless=weightless, device=device, options=options, collider=collider)
-
-    def settle(self, start: Points, tolerance: Tolerance, limit: int, *, near_rest: bool = False) -> Settled:
-        """Relaxes from these positions, clamped vertices included; ``near_rest``: they are close to the rest shape."""
-        (settled,) = self.settle_all([start], tolerance, limit, near_rest=near_rest)
+    def settle(self, start: Points, tolerance: Tolerance, limit: int) -> Settled:
+        """Relaxes a lone piece from these positions, clamped vertices included."""
+        (settled,) = self.settle_all([start], tolerance, limit)
         return settled
 
 

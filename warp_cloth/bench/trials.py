@@ -13,7 +13,7 @@ import warp as wp
 from PIL import Image, ImageDraw
 
 from warp_cloth.base.mesh import Indices, Mesh, Points
-from warp_cloth.bench.specimen import Settled, Specimen, Specimens, piece
+from warp_cloth.bench.specimen import Settled, Specimens, piece
 from warp_cloth.bench.swatch import along, disc, on_finer_disc
 from warp_cloth.garment.laid import HUNG, laid_by
 from warp_cloth.solver.certificate.certifier import Tolerance
@@ -56,7 +56,9 @@ def pull(
     across, place = along(mesh)
     length, width = np.ptp(place), np.ptp(across)
     far = place > length * (1.0 - 1e-6)
-    specimen = Specimen(mesh, fabric, _ids(far | (place < length * 1e-6)), grain_degrees=grain_degrees, device=device)
+    specimen = Specimens(
+        [piece(mesh, fabric, _ids(far | (place < length * 1e-6)), grain_degrees=grain_degrees)], device=device
+    )
     middle = np.abs(place / length - 0.5) < 0.2
     readings = []
     for strain in strains:
@@ -78,7 +80,7 @@ def released(mesh: Mesh, fabric: Fabric, strains: Sequence[float], *, device: st
     length = np.ptp(place)
     near = place < length * 1e-6
     creeping = StepOptions(momentum=0.0)  # with momentum the strip would overshoot its length and crumple
-    specimen = Specimen(mesh, fabric, _ids(near), device=device, options=creeping)
+    specimen = Specimens([piece(mesh, fabric, _ids(near))], device=device, options=creeping)
     readings = []
     for strain in strains:
         start = mesh.points.copy()
@@ -101,7 +103,9 @@ def shear(
     across, place = along(mesh)
     length, width = np.ptp(place), np.ptp(across)
     far = place > length * (1.0 - 1e-6)
-    specimen = Specimen(mesh, fabric, _ids(far | (place < length * 1e-6)), grain_degrees=grain_degrees, device=device)
+    specimen = Specimens(
+        [piece(mesh, fabric, _ids(far | (place < length * 1e-6)), grain_degrees=grain_degrees)], device=device
+    )
     middle = np.abs(across) < 0.25 * width
     clamp = np.flatnonzero(far)[np.argsort(across[far])]
     clamped, widths = clamp[middle[clamp]], np.gradient(across[clamp])[middle[clamp]]
@@ -134,7 +138,9 @@ def bend(
     length, width = np.ptp(place), np.ptp(across)
     clamp_end = clamp * (1.0 + 1e-6)
     far = place > length - clamp_end
-    specimen = Specimen(mesh, fabric, _ids(far | (place < clamp_end)), grain_degrees=grain_degrees, device=device)
+    specimen = Specimens(
+        [piece(mesh, fabric, _ids(far | (place < clamp_end)), grain_degrees=grain_degrees)], device=device
+    )
     middle, section = np.abs(place / length - 0.5) < 0.2, np.abs(place / length - 0.5) < 0.06
     readings = []
     for curvature in curvatures:
@@ -161,7 +167,9 @@ def cantilever(mesh: Mesh, fabric: Fabric, clamp: float, *, grain_degrees: float
     start = mesh.points.copy()
     start[:, 1] -= (1.0 - np.cos(curvature * out)) / curvature
     start[:, 2] += out - np.sin(curvature * out) / curvature
-    specimen = Specimen(mesh, fabric, _ids(place <= edge), grain_degrees=grain_degrees, weightless=False, device=device)
+    specimen = Specimens(
+        [piece(mesh, fabric, _ids(place <= edge), grain_degrees=grain_degrees)], weightless=False, device=device
+    )
     settled = specimen.settle(start, HANGING, ITERATIONS)
     root, tip = settled.points[place == edge].mean(axis=0), settled.points[far].mean(axis=0)
     return math.atan2(root[1] - tip[1], root[2] - tip[2])

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from warp_cloth.base.clock import command_clock
-from warp_cloth.base.collector import what_stays
+from warp_cloth.base.collector import collector_paused
 from warp_cloth.base.first_run import FIRST_RUN, is_first_run
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device, FabricName, Maps, On
@@ -77,7 +77,7 @@ def fit(
         clock = command_clock()
         if is_first_run(device):
             print(FIRST_RUN, file=sys.stderr, flush=True)  # before what is imported takes its time
-        with what_stays():
+        with collector_paused():
             from warp_cloth.export.formats import check_frames, check_inputs_kept, chosen_formats
             from warp_cloth.maps.kinds import chosen_colour, chosen_maps
             from warp_cloth.scene import load_scene
@@ -105,7 +105,7 @@ def fit(
 
 def _fitted(scene: Scene, wanted: Mapping[str, Any], clock: StageClock, show: Callable[[Any], None]) -> Fit:
     """The fit of a scene; its report says what the whole command took, and what was typed."""
-    with what_stays():
+    with collector_paused():
         from warp_cloth.fitting.fit import fit as run
     clock.lap("import")
     export = _Meanwhile("warp_cloth.export.save", show)

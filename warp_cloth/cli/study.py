@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -52,7 +51,7 @@ def plan(
         if out is not None:
             write_plan(out, terms, cost, saved)
             lines += wrote_rows([out])
-    _show(lines, typer.echo)
+    typer.echo("\n".join(lines))
 
 
 def tradeoff(
@@ -100,9 +99,4 @@ def tradeoff(
                 print(f"interrupted{remedy}", file=sys.stderr)
                 raise typer.Exit(INTERRUPTED) from None
             paths = save_trade(trade, out, plots=plots)
-    _show([*trade_lines(trade), *wrote_rows(paths)], typer.echo)
-
-
-def _show(lines: Sequence[str], say: Callable[[str], None]) -> None:
-    for line in lines:
-        say(line)
+    typer.echo("\n".join([*trade_lines(trade), *wrote_rows(paths)]))

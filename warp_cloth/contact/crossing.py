@@ -49,7 +49,6 @@ def find_crossings(
     device: wp.DeviceLike = None,
     *,
     items: Sequence[int] | None = None,
-    every_pair: bool = False,
 ) -> Crossings:
     """Finds edges that pass through triangles, in float64.
 
@@ -60,7 +59,6 @@ def find_crossings(
         sheets: their triangles and edges.
         device: that searches.
         items: of each garment; garments of different items do not collide. None: all do.
-        every_pair: test every edge against every triangle, without a tree.
     """
     if not np.isfinite(points).all():
         none = np.zeros((0, 2), dtype=np.int32)
@@ -70,13 +68,11 @@ def find_crossings(
         position = wp.array(np.ascontiguousarray(points), dtype=wp.vec3d)
         triangles, edges = wp.array(sheets.triangles, dtype=wp.vec3i), wp.array(sheets.edges, dtype=wp.vec2i)
         item = wp.array(np.repeat(of_garment, np.diff(sheets.vertex_start)), dtype=wp.int32)
-    pierced = find_pierced(position, triangles, edges, item, every_pair=every_pair)
+    pierced = find_pierced(position, triangles, edges, item)
     return Crossings(pierced, triangle_pairs(pierced, sheets))
 
 
-def find_pierced(
-    position: wp.array, triangles: wp.array, edges: wp.array, item: wp.array, *, every_pair: bool = False
-) -> Indices:
+def find_pierced(position: wp.array, triangles: wp.array, edges: wp.array, item: wp.array) -> Indices:
     """Edges and the triangles that they pass through, in order, shape [N, 2].
 
     Args:
@@ -84,23 +80,18 @@ def find_pierced(
         triangles: their corners, wp.vec3i.
         edges: their ends, wp.vec2i.
         item: of each vertex; those of different items do not collide.
-        every_pair: as in ``find_crossings``.
     """
     with wp.ScopedDevice(position.device):
-        inputs = [position, edges, triangles, item]
-        kernel = kernels.find_every_crossing
-        if not every_pair:
-            kernel = kernels.find_crossings
-            lower, upper = (wp.empty(len(triangles), dtype=wp.vec3f) for _ in range(2))
-            group = wp.empty(len(triangles), dtype=wp.int32)
-            boxes = [lower, upper, group]
-            wp.launch(kernels.box_triangles, dim=len(triangles), inputs=[position, triangles, item], outputs=boxes)
-            tree = wp.Bvh(lower, upper, groups=group)
-            inputs = [tree.id, *inputs]
+        lower, upper = (wp.empty(len(triangles), dtype=wp.vec3f) for _ in range(2))
+        group = wp.empty(len(triangles), dtype=wp.int32)
+        boxes = [lower, upper, group]
+        wp.launch(kernels.box_triangles, dim=len(triangles), inputs=[position, triangles, item], outputs=boxes)
+        tree = wp.Bvh(lower, upper, groups=group)
+        inputs = [tree.id, position, edges, triangles, item]
         capacity = FIRST_CAPACITY
         while True:
             count, crossing = wp.zeros(1, dtype=wp.int32), wp.empty(capacity, dtype=wp.vec2i)
-            wp.launch(kernel, dim=len(edges), inputs=inputs, outputs=[count, crossing])
+            wp.launch(kernels.find_crossings, dim=len(edges), inputs=inputs, outputs=[count, crossing])
             found = int(count.numpy()[0])
             if found <= capacity:
                 break

@@ -64,7 +64,7 @@ def simulate(
     """Drapes discs of ``ratio`` times the support's radius [m].
 
     The drape is computed on the bench's support with the bending lengths scaled to it, and stretch and shear scaled
-    with weight times radius, which leaves its shape the same. ``rings`` None: as the shortest bending length asks.
+    with weight times radius, which leaves its shape the same. ``rings`` None: by the shortest bending length.
     """
     scale, radius = SUPPORT_RADIUS / support, SUPPORT_RADIUS * ratio
     scaled = {id(trial.fabric): _scaled(trial.fabric, scale) for trial in trials}

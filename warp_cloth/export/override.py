@@ -59,9 +59,8 @@ def write_override(
                 _open_instances(stage, prim)
             _author_garment(stage, garment, ranges, colour)
         _extend_times([0 if each.worn.frames is None else len(each.worn.frames) for each in garments], stage)
-    written = Sdf.Layer.CreateAnonymous(
-        ".usda"
-    )  # a layer that no stage composes, as that would resolve the relative path
+    # in a layer that no stage composes, as that would resolve the relative path
+    written = Sdf.Layer.CreateAnonymous(".usda")
     written.TransferContent(layer)
     written.subLayerPaths[0] = relative_asset(file, path.parent)
     with whole_file(path) as target:
@@ -144,9 +143,8 @@ def _author_mesh(
         author(local(frame), Usd.TimeCode(stage.GetStartTimeCode() + index))
     surface.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     if surface.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none:
-        surface.CreateSubdivisionSchemeAttr(
-            UsdGeom.Tokens.none
-        )  # the control cage was fitted; a subdivided surface would intersect the body
+        # the control cage was fitted; a subdivided surface would intersect the body
+        surface.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     fields = {name: _at_file_vertices(values, vertex) for name, values in worn.fields.items()}
     author_fields(surface, fields, ranges)
     if colour in fields:

@@ -89,7 +89,6 @@ def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Seq
     ranges = fit.maps.ranges if fit.maps is not None else {}
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    asset = avatar_asset(fit.scene)
     for suffix in formats:
         path = folder / f"{fit.scene.name}.{suffix}"
         if suffix == "glb":
@@ -104,13 +103,11 @@ def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Seq
             stage.write_stage(
                 path,
                 garments=fit.garments,
-                avatar=fit.avatar,
+                avatar=fit.avatar and stage.StageAvatar(fit.avatar, avatar_asset(fit.scene), fit.avatar_frames),
                 name=fit.scene.name,
                 ranges=ranges,
                 colour=colour,
-                asset=asset,
                 flat=patterned(fit.scene),
-                avatar_frames=fit.avatar_frames,
             )
         paths.append(path)
     staged = staged_garments(fit)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
@@ -29,6 +30,7 @@ from warp_cloth.export.surface import (
 )
 from warp_cloth.model.result import WornGarment
 
+FRAMES_PER_SECOND = 24.0
 FIRST_FRAME = 1  # where Blender, Maya and most film tools start counting
 SUFFIXES = (".usdc", ".usda", ".usd", ".usdz")
 CLOTH_ROUGHNESS = 0.85
@@ -36,35 +38,41 @@ AVATAR_ROUGHNESS = 0.55
 MATERIALS = "materials"
 
 
+@dataclass(frozen=True, eq=False)
+class StageAvatar:
+    """An avatar as a stage is to have it: referenced where it came from a USD file and does not move, else copied."""
+
+    mesh: Mesh
+    asset: AvatarAsset | None = None  # the USD file that it came from
+    frames: NDArray[np.float32] | None = None  # [m], shape [N, V, 3]; None: it does not move
+
+
 def write_stage(
     path: Path,
     *,
     garments: Sequence[WornGarment],
-    avatar: Mesh | None,
+    avatar: Mesh | StageAvatar | None,
     name: str,
-    frames_per_second: float = 24.0,
     ranges: Ranges = MappingProxyType({}),
     colour: str = "",
-    asset: AvatarAsset | None = None,
     flat: Collection[int] = (),
-    avatar_frames: NDArray[np.float32] | None = None,
 ) -> None:
     """Writes garments and avatar as one stage in metres: /NAME/GARMENT/GARMENT_mesh, /NAME/materials.
 
     The garments numbered in ``flat`` also get their panels, as cut: /NAME/GARMENT/GARMENT_panels.
 
     Points, normals and extent have time samples only where garments have frames. ``ranges`` are those of the colours
-    of maps; the map named ``colour`` also becomes displayColor. An avatar that came from a USD file (``asset``) is
-    referenced, not copied, unless it moves (``avatar_frames`` [m], shape [N, V, 3]). Nothing is written if a value is
-    not finite (ValueError).
+    of maps; the map named ``colour`` also becomes displayColor. Nothing is written if a value is not finite
+    (ValueError).
     """
+    body = StageAvatar(avatar) if isinstance(avatar, Mesh) else avatar
     if path.suffix not in SUFFIXES:
         raise InputError(path, f"is not a USD file name ({', '.join(SUFFIXES)})", "use the suffix .usdc")
-    require_sound(garments, avatar)
+    require_sound(garments, None if body is None else body.mesh)
     frame_count = common_frame_count(garments)
     stage = Usd.Stage.CreateInMemory()
-    root = author_root(stage, name, frame_count, frames_per_second)
-    assembled = len(garments) + (avatar is not None) > 1
+    root = author_root(stage, name, frame_count)
+    assembled = len(garments) + (body is not None) > 1
     Usd.ModelAPI(root).SetKind(Kind.Tokens.assembly if assembled else Kind.Tokens.component)
     taken, looks = {MATERIALS}, set[str]()
     for index, garment in enumerate(garments):
@@ -83,12 +91,13 @@ def write_stage(
             author_panels(cut, garment.mesh, material)
             bind(cut.GetPrim(), material)
         author_physics(surface, garment, material)
-    if avatar is not None:
-        part = author_part(root, avatar.name, unique_identifier(avatar.name, "avatar", taken), assembled)
-        if asset is None or avatar_frames is not None or not author_reference(part, asset, path):
-            look = unique_identifier(avatar.name, "avatar", looks)
+    if body is not None:
+        mesh, asset = body.mesh, body.asset
+        part = author_part(root, mesh.name, unique_identifier(mesh.name, "avatar", taken), assembled)
+        if asset is None or body.frames is not None or not author_reference(part, asset, path):
+            look = unique_identifier(mesh.name, "avatar", looks)
             material = author_material(root, look, AVATAR_COLOUR, AVATAR_ROUGHNESS)
-            surface = author_mesh(part, avatar, avatar.points, avatar_frames)
+            surface = author_mesh(part, mesh, mesh.points, body.frames)
             bind(surface.GetPrim(), material)
             author_collider(surface)
     save(stage, path)
@@ -102,13 +111,13 @@ def common_frame_count(garments: Sequence[WornGarment]) -> int:
     return counts.pop() if counts else 0
 
 
-def author_root(stage: Usd.Stage, name: str, frame_count: int, frames_per_second: float) -> Usd.Prim:
+def author_root(stage: Usd.Stage, name: str, frame_count: int) -> Usd.Prim:
     """Authors the stage's metadata, and returns its default prim."""
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, UsdGeom.LinearUnits.meters)
     UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
-    stage.SetTimeCodesPerSecond(frames_per_second)
-    stage.SetFramesPerSecond(frames_per_second)
+    stage.SetTimeCodesPerSecond(FRAMES_PER_SECOND)
+    stage.SetFramesPerSecond(FRAMES_PER_SECOND)
     if frame_count:
         stage.SetStartTimeCode(FIRST_FRAME)
         stage.SetEndTimeCode(FIRST_FRAME + frame_count - 1)

@@ -153,7 +153,7 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
     while (attempt := next_attempt([run.ended for run in runs], outfit)) is not None:
         device = first.problem.model.device
         worn_by = outfit if attempt.begins_after is None else _worn_after(runs[attempt.begins_after], attempt.paddings)
-        problem = build_problem([attempt.stated], [worn_by], device, cache=cache, clock=clock, attempts=[attempt])
+        problem = build_problem([attempt], [worn_by], device, cache=cache, clock=clock)
         levels: tuple[LevelRun, ...] = ()
         if attempt.begins_after is None:
             levels = begin(problem)
@@ -168,7 +168,7 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
 
 
 def _worn_after(run: Run, paddings: int) -> Outfit:
-    """The outfit of a run, with the avatar padded where it showed through if it is not yet as often as wanted."""
+    """A run's outfit, its avatar padded where it showed through unless it has been padded that often already."""
     outfit, overlap = run.problem.loaded[run.item], run.overlap
     if paddings == run.attempt.paddings:
         return outfit

@@ -93,15 +93,7 @@ def _relaxed(
     there = tuple(replace(each, points=start) for each, start in zip(garments, starts, strict=True))
     outfit = replace(problem.outfit, garments=there, poses=(), predrape_garments=())
     attempt = replace(problem.attempts[0], posed=True)  # nothing is moved clear of the avatar again
-    again = build_problem(
-        [attempt.scene],
-        [outfit],
-        problem.model.device,
-        earlier=problem.contact,
-        cache=cache,
-        clock=clock,
-        attempts=[attempt],
-    )
+    again = build_problem([attempt], [outfit], problem.model.device, earlier=problem.contact, cache=cache, clock=clock)
     if isinstance(again.relaxation, MultilevelRelaxation):
         again.relaxation.start_near_rest()
     outcome = relax(again)

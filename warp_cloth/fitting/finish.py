@@ -16,7 +16,6 @@ from warp_cloth.model.result import FitResult, Strain, WornGarment
 from warp_cloth.report.build import build_report
 from warp_cloth.report.measurements import Measurements
 from warp_cloth.report.problems import find_problems
-from warp_cloth.report.verdict import is_worn, verdict
 from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate.strains import measured_strains, strain_summary, yarn_summaries
 from warp_cloth.solver.goal import Outcome
@@ -52,21 +51,17 @@ def finish_fits(
             for index, worn in enumerate(_worn_garments(scene, outfit, outcome, film))
         )
         problems = find_problems(scene, outfit, outcome, found, tolerance_of(scene))
-        worn, message = is_worn(outcome.status, problems), verdict(outcome, problems)
         report = build_report(
-            scene,
+            run.attempt,
             outfit,
             outcome,
             found,
-            message=message,
-            worn=worn,
             problems=problems,
             attempts=course.summary(),
-            stated=run.attempt.stated,
             seconds=clock.seconds if len(outcomes) == 1 else {**clock.seconds, "relax": course.seconds},
             device=problem.model.device,
         )
-        ended = outcome.status, worn, problems, message
+        ended = outcome.status, report["worn"], problems, report["message"]
         made = garments, outfit.avatar, report, problem.model.device
         moves = None if film is None else film.avatar
         results.append(FitResult(run.attempt.stated, *ended, *made, avatar_frames=moves))

@@ -1,4 +1,4 @@
-"""The word on a given shape: what is wrong with garments that are worn there, without a fit."""
+"""Judges garments in a given shape: what is wrong with them as worn, without a fit."""
 
 from __future__ import annotations
 
@@ -122,24 +122,24 @@ def _points_of(shape: Any, scene: Scene, meshes: Sequence[Mesh]) -> Points:
             parts.append(points)
     else:
         is_list = isinstance(shape, list | tuple) and (len(meshes) > 1 or len(shape) == 1)
-        given = list(shape) if is_list else [shape]
-        if len(given) != len(meshes):
-            raise InputError("shape", f"has {len(given)} arrays for {len(meshes)} garments", "give one for each")
-        parts = [_vertices(each, mesh) for each, mesh in zip(given, meshes, strict=True)]
+        arrays = list(shape) if is_list else [shape]
+        if len(arrays) != len(meshes):
+            raise InputError("shape", f"has {len(arrays)} arrays for {len(meshes)} garments", "give one for each")
+        parts = [_vertices(each, mesh) for each, mesh in zip(arrays, meshes, strict=True)]
     points = np.concatenate(parts)
     if not (np.abs(points) < FARTHEST).all():
         raise InputError("shape", f"has coordinates that are not finite, or beyond {FARTHEST:g} m", "give metres")
     return points
 
 
-def _vertices(given: Any, mesh: Mesh) -> Points:
+def _vertices(array: Any, mesh: Mesh) -> Points:
     try:
-        points = np.array(given, dtype=np.float64)
+        points = np.array(array, dtype=np.float64)
     except (TypeError, ValueError):
         points = np.zeros(0)
     wanted = mesh.vertex_count, 3
     if points.shape != wanted:
-        found = f"shape {points.shape}" if points.size else type(given).__name__
+        found = f"shape {points.shape}" if points.size else type(array).__name__
         raise InputError(
             "shape", f'"{mesh.name}" needs an array of {wanted}, not {found}', "give its vertices as loaded"
         )

@@ -67,8 +67,7 @@ def start_from_coarse(
             [hierarchy.garment for hierarchy in hierarchies],
             device=relaxation.model.device,
             precision=relaxation.model.precision,
-            avatar_friction=relaxation.model.avatar_friction,
-            offset=relaxation.model.offset,
+            avatars=relaxation.model.avatars,
         )
         model.set_points(points)
         collider = relaxation.collider if tracker is None else tracker.collider

@@ -179,7 +179,7 @@ class _Dressing:
         sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
         clock.lap("dress")
-        self._problem = build_problem([sewing], [sewn], device, attempts=[attempt], clock=clock)
+        self._problem = build_problem([attempt], [sewn], device, clock=clock)
         clock.begin("dress")
         self._collider = _BodyCollider(avatar.triangles, device, offset)
         self._meet_body()

@@ -29,8 +29,10 @@ from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import Attempt
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.next_attempt import MOST_ITERATIONS, first_attempt
+from warp_cloth.model.patches.on_device import CutOptions
 from warp_cloth.model.plan import contact_kind
 from warp_cloth.model.result import LevelRun
+from warp_cloth.model.vertices import AvatarSkin
 from warp_cloth.report.numbers import short_number
 from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
@@ -161,14 +163,12 @@ def load_problem(
     clock.begin("load")
     outfit = load_outfit(scene, mesh_cache)
     clock.lap("load")
-    attempts = [first_attempt(scene, outfit, may_pose=may_pose)]
-    return build_problem(
-        [scene], [outfit], device, earlier=earlier, cache=cache, options=options, clock=clock, attempts=attempts
-    )
+    attempt = first_attempt(scene, outfit, may_pose=may_pose)
+    return build_problem([attempt], [outfit], device, earlier=earlier, cache=cache, options=options, clock=clock)
 
 
 def build_problem(
-    scenes: Sequence[Scene],
+    scenes: Sequence[Scene | Attempt],
     outfits: Sequence[Outfit],
     device: str,
     *,
@@ -177,12 +177,11 @@ def build_problem(
     like: int | None = None,
     options: StepOptions | None = None,
     clock: StageClock | None = None,
-    attempts: Sequence[Attempt] | None = None,
 ) -> Problem:
     """Builds what the scenes' plans name on the device, and compiles the kernels.
 
     Args:
-        scenes: loaded scenes of one ``problem_kind``.
+        scenes: loaded scenes of one ``problem_kind``, at their first attempt, or attempts at them.
         outfits: of each scene.
         device: Warp's name of it.
         earlier: an avatar contact to reuse.
@@ -190,17 +189,18 @@ def build_problem(
         like: vertex count of a larger problem of the same garments, whose patches serve again (see build_model).
         options: of an iteration's step; None: the method's defaults.
         clock: measures the stages.
-        attempts: at each scene; None: the first.
     """
     clock = clock or StageClock()
-    chosen = [first_attempt(*pair) for pair in zip(scenes, outfits, strict=True)] if attempts is None else attempts
-    scenes = [attempt.scene for attempt in chosen]
+    attempts = [
+        each if isinstance(each, Attempt) else first_attempt(each, outfit)
+        for each, outfit in zip(scenes, outfits, strict=True)
+    ]
     if outfits[0].avatar is not None and wp.get_device(device).is_cuda:  # the CPU may find what they do on disk
         clock.begin("compile")
-        load_modules(avatar_modules(contact_kind(scenes[0], outfits[0])), device)
+        load_modules(avatar_modules(contact_kind(attempts[0].scene, outfits[0])), device)
         clock.lap("compile")
     clock.begin("build")
-    problem = _assemble(chosen, outfits, device, earlier, cache or Cache(), like, options)
+    problem = _assemble(attempts, outfits, device, earlier, cache or Cache(), like, options)
     wp.synchronize_device(device)
     clock.lap("build")
     clock.begin("compile")
@@ -238,11 +238,12 @@ def _assemble(
         device=device,
         precision=first.solver.precision,
         garment_counts=[len(outfit.garments) for outfit in outfits],
-        avatar_friction=[scene.avatar.friction if scene.avatar is not None else 0.0 for scene in scenes],
-        offset=[scene.collision.offset for scene in scenes],
+        avatars=[
+            AvatarSkin(scene.avatar.friction if scene.avatar is not None else 0.0, scene.collision.offset)
+            for scene in scenes
+        ],
         cache=cache,
-        layered=first.collision.cloth and len(outfits[0].garments) > 1,
-        like=like,
+        cut=CutOptions(bool(first.collision.cloth) and len(outfits[0].garments) > 1, like),
     )
     threads = thread_count(first.solver.threads, model.vertex_count)
     options = options or StepOptions(method=decided_method(first), threads=threads)

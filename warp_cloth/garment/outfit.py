@@ -23,7 +23,7 @@ from warp_cloth.garment.measured_body import measured_mannequin
 from warp_cloth.garment.mistaken import refuse_bodies
 from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.reading import cloths_of, read_again, read_body_again, with_doubts
-from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
+from warp_cloth.garment.rest import RestGeometry, RestOptions, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
 from warp_cloth.loading import Placement, check_sizes, load_mesh_once, load_poses, without_area
 from warp_cloth.pattern import figure_of, load_pattern
@@ -325,17 +325,15 @@ def _geometry(mesh: Mesh, spec: GarmentSpec, key: str) -> RestGeometry:
     place = key if spec.file is None else str(spec.file)
     grain = Grain(spec.grain_degrees, spec.grain_panels, spec.grain_texture)
     cut = spec.rest == "auto" and isinstance(spec.shape, TshirtShape)  # from panels, however it is placed
-    geometry = build_rest_geometry(
-        mesh,
+    options = RestOptions(
         rest="uv" if cut or spec.pattern is not None else spec.rest,
         metres_per_uv=spec.uv_metres if spec.mesh is not None else spec.uv_metres or 1.0,  # others are in metres
-        scale=spec.scale,
         grain=grain,
         rest_angles=spec.rest_angles,
         is_pattern=spec.pattern is not None,
-        place=place,
-        key=key,
+        scale=spec.scale,
     )
+    geometry = build_rest_geometry(mesh, options, place=place, key=key)
     if not cut:
         return geometry
     choices = (Choice(f"{key}.rest", "uv", "the shape is cut from flat panels"),)

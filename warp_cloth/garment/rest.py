@@ -39,6 +39,21 @@ SHORTEST_EDGE = 1.0e-3
 COMMON = ("topology", "edge_length", "sheet", "area", "hinge_angle", "corners", "source")  # to a garment's every fabric
 
 
+ALONG_V = Grain()
+
+
+@dataclass(frozen=True)
+class RestOptions:
+    """What a scene says of a garment's rest shape."""
+
+    rest: RestKey  # where it comes from; with "auto" the mesh shows it
+    metres_per_uv: float | None = 1.0  # length of one unit of texture space [m]; None: the mesh shows it
+    grain: Grain = ALONG_V  # direction of the warp in the panels
+    rest_angles: RestAngles = "flat"  # of folds: flat, as in the mesh (pressed pleats), or as a stage states them
+    is_pattern: bool = False  # whether panels and mesh were made from one pattern, so that their scale is beyond doubt
+    scale: float = 1.0  # by which the scene scaled the mesh as loaded, and scales texture space likewise
+
+
 @dataclass(frozen=True, eq=False)
 class RestShape:
     """Constants of one garment (SI). E edges, H hinges, V vertices."""
@@ -171,15 +186,11 @@ def build_rest_shape(
     *,
     rest: RestKey,
     metres_per_uv: float | None = 1.0,
-    grain: Grain | None = None,
+    grain: Grain = ALONG_V,
     rest_angles: RestAngles = "flat",
-    place: str = "garment",
-    key: str = "garment",
 ) -> RestShape:
-    """Rest lengths and constants of a garment of this fabric; other arguments as in ``build_rest_geometry``."""
-    geometry = build_rest_geometry(
-        mesh, rest=rest, metres_per_uv=metres_per_uv, grain=grain, rest_angles=rest_angles, place=place, key=key
-    )
+    """Rest lengths and constants of a garment of this fabric; other arguments as in ``RestOptions``."""
+    geometry = build_rest_geometry(mesh, RestOptions(rest, metres_per_uv, grain, rest_angles))
     return rest_in_fabric(geometry, mesh.vertex_count, fabric)
 
 
@@ -195,34 +206,20 @@ def rest_in_fabric(geometry: RestGeometry, vertex_count: int, fabric: Fabric) ->
 
 
 def build_rest_geometry(
-    mesh: Mesh,
-    *,
-    rest: RestKey,
-    metres_per_uv: float | None = 1.0,
-    grain: Grain | None = None,
-    rest_angles: RestAngles = "flat",
-    is_pattern: bool = False,
-    place: str = "garment",
-    key: str = "garment",
-    scale: float = 1.0,
+    mesh: Mesh, options: RestOptions, *, place: str = "garment", key: str = "garment"
 ) -> RestGeometry:
     """Rest lengths of a garment, and its triangles laid flat.
 
     Args:
         mesh: the garment.
-        rest: where the rest shape comes from; with "auto" the mesh shows it.
-        metres_per_uv: length of one unit of texture space [m]; None: the mesh shows it.
-        grain: direction of the warp in the panels; None: their +v.
-        rest_angles: whether folds are flat at rest, as in the mesh (pressed pleats), or as a stage states them.
-        is_pattern: whether panels and mesh were made from one pattern, so that their scale is beyond doubt.
+        options: what its scene says of its rest shape.
         place: the mesh's file or name, for messages.
         key: its scene table, for messages.
-        scale: by which the scene scaled the mesh as loaded, and scales texture space likewise.
 
     Raises:
         InputError: the rest shape cannot be used.
     """
-    source = choose_rest(mesh, rest, metres_per_uv, key, scale)
+    source = choose_rest(mesh, options.rest, options.metres_per_uv, key, options.scale)
     notes: tuple[str, ...] = ()
     sides = triangle_sides(mesh.points[mesh.triangles])
     drawn = sides
@@ -233,15 +230,15 @@ def build_rest_geometry(
     areas = triangle_areas(sides)
     if not areas.sum() > 0.0:
         raise InputError(place, "the garment has no area", "check the mesh")
-    like = _drawn_flat(mesh, grain or Grain(), key, source)
+    like = _drawn_flat(mesh, options.grain, key, source)
     geometry = _laid_out(mesh.triangles, sides, mesh.vertex_count, like)
     if source.kind == "uv":
-        notes += () if is_pattern else _scale_notes(mesh, source, drawn, geometry, place, key)
+        notes += () if options.is_pattern else _scale_notes(mesh, source, drawn, geometry, place, key)
         notes += check_seams(sides, geometry.sheet.topology)
     return replace(
         geometry,
         notes=notes,
-        hinge_angle=hinge_angles(mesh, geometry.sheet.topology, rest_angles, place, key),
+        hinge_angle=hinge_angles(mesh, geometry.sheet.topology, options.rest_angles, place, key),
         corners=_places(mesh, source),
         source=source,
     )

@@ -45,11 +45,11 @@ def percentiles(values: NDArray[np.float32]) -> dict[str, float]:
     return {"min": float(values.min()), **quantiles, "max": float(values.max()), "mean": float(values.mean())}
 
 
-def check_maps(names: Sequence[str], *, has_avatar: bool, place: str = "maps") -> tuple[str, ...]:
+def check_maps(names: Sequence[str], *, has_avatar: bool) -> tuple[str, ...]:
     """Those maps that a scene can have; InputError where none can be had without an avatar."""
     possible = tuple(name for name in names if has_avatar or not MAPS[name].needs_avatar)
     if names and not possible:
-        raise InputError(place, f"{', '.join(names)}: the scene has no avatar", "add an [avatar], or choose strain")
+        raise InputError("maps", f"{', '.join(names)}: the scene has no avatar", "add an [avatar], or choose strain")
     return possible
 
 

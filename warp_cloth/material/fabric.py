@@ -34,10 +34,10 @@ BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
     }
 )
 
-# which a fabric has only if it says so
+# 0 unless a fabric states them
 HYSTERESIS = ("bending_friction_warp", "bending_friction_weft", "shear_friction")
 
-# From a stocking's to a sail's, in the same units: what lies beyond is more often stated in another unit than meant.
+# From stockings to sails, in the same units. A value beyond is more likely in the wrong unit than meant.
 CLOTHS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
         "weight": (5e-3, 5.0),
@@ -67,8 +67,8 @@ UNITS: Mapping[str, str] = MappingProxyType(
     }
 )
 
-# Bias yarns are also strained where the cloth is pulled along warp or weft. Up to this fraction of the smaller stretch
-# they leave the yarns there something to bear.
+# Bias yarns are strained, too, where cloth is pulled along warp or weft. Above this fraction of the smaller stretch
+# they would bear all of it, and nothing would be left for warp and weft.
 LARGEST_SHEAR_FRACTION = 0.25
 
 
@@ -152,7 +152,7 @@ class Fabric:
 
 
 def unlikely_values(fabric: Fabric) -> tuple[str, ...]:
-    """A note where a fabric's values are like no cloth's; 0 is taken as meant."""
+    """A note on values that no cloth has; 0 is taken as meant."""
     unusual = []
     for key, (low, high) in CLOTHS.items():
         value = getattr(fabric, key)
@@ -169,7 +169,7 @@ def shipped_fabrics() -> dict[str, Fabric]:
 
 
 def generic_fabric() -> Fabric:
-    """Where nothing is known of a fabric: as ``Fabric``, woven alike in every direction."""
+    """The fabric where none is stated: ``Fabric``'s values, woven alike in every direction."""
     return replace(Fabric(), shear=Fabric().even_shear)
 
 
@@ -205,8 +205,8 @@ def load_fabric(path: Path) -> Fabric:
 def resolve_fabric(value: Any, directory: Path = Path()) -> Fabric:
     """The fabric that a scene states: a shipped name, a .toml file, a table of overrides, or a Fabric.
 
-    A table stands over its ``base``, or over the shipped fabric that it has the ``name`` of, or else over the
-    generic one. The place of an error is the key of the table that is wrong, "" for the whole, or a file.
+    A table overrides values of its ``base``, or else of the shipped fabric of its ``name``, or else of the generic one.
+    The place of an error is the key of the table that is wrong, "" for the whole, or a file.
     """
     if isinstance(value, Fabric):
         return value

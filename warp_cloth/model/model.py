@@ -19,9 +19,11 @@ from warp_cloth.garment.rest import RestShape
 from warp_cloth.kernels.base.options import Terms
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.constants import YarnConstants
-from warp_cloth.model.patches.on_device import Patches, PatchSource, device_patches
+from warp_cloth.model.patches.on_device import CutOptions, Patches, PatchSource, device_patches
 from warp_cloth.model.upload import upload_concatenated
-from warp_cloth.model.vertices import build_state, build_vertices
+from warp_cloth.model.vertices import AvatarSkin, build_state, build_vertices
+
+USUAL_CUT = CutOptions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +45,7 @@ class ClothModel:
     hinge_count: int
     weave_start: tuple[int, ...]  # first woven triangle of each garment, and their number
     terms: Terms
-    avatar_friction: tuple[float, ...]  # of each item
-    offset: tuple[float, ...]  # contact offset of each item [m]
+    avatars: tuple[AvatarSkin, ...]  # of each item
     vertices: Any  # kernels.base.types Model
     state: Any  # kernels.base.types State
     edges: Any  # kernels.base.types Edges
@@ -107,11 +108,9 @@ def build_model(
     precision: str,
     gathers: bool | None = None,
     garment_counts: Sequence[int] | None = None,
-    avatar_friction: Sequence[float] | None = None,
-    offset: Sequence[float] | None = None,
+    avatars: Sequence[AvatarSkin] | None = None,
     cache: Cache | None = None,
-    layered: bool = False,
-    like: int | None = None,
+    cut: CutOptions = USUAL_CUT,
 ) -> ClothModel:
     """Concatenates garments and puts them on a device.
 
@@ -121,11 +120,9 @@ def build_model(
         precision: of the arithmetic, see kernels.base.types.
         gathers: how forces are summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each.
         garment_counts: number of garments of each item; None: all belong to one item.
-        avatar_friction: Coulomb coefficient of each item's avatar; None: there is no avatar.
-        offset: contact offset of each item [m]; None likewise.
+        avatars: how each item's avatar meets cloth; None: there is no avatar.
         cache: what earlier models of the same garments have left.
-        layered: whether garments lie on each other and are in contact.
-        like: number of vertices of the model as whose patches these are cut; None: as many as there are.
+        cut: how patches are cut.
     """
     types = cloth_types(precision)
     vertex_start = _starts([len(garment.points) for garment in garments])
@@ -138,14 +135,13 @@ def build_model(
     edge_start = _starts([len(rest.topology.edges) for rest in rests])
     triangle_start = _starts([len(garment.triangles) for garment in garments])
     item_start = tuple(vertex_start[first] for first in _starts(list(garment_counts or [len(garments)])))
-    avatar_friction = tuple(avatar_friction or [0.0] * (len(item_start) - 1))
-    offset = tuple(offset or [0.0] * (len(item_start) - 1))
+    avatars = avatars or [AvatarSkin()] * (len(item_start) - 1)
     hinges, hinge_count = _hinges(types, upload, rests, vertex_start, terms, cache)
     weave = _weave(types, upload, rests, vertex_start, terms, cache)
     patches = None
     if wp.get_device(device).is_cuda if gathers is None else gathers:
         points = [garment.points for garment in garments]
-        source = PatchSource(elements, rounded, points, terms, item_start, layered, like)
+        source = PatchSource(elements, rounded, points, terms, item_start, cut)
         patches = device_patches(source, types, device, cache)
     return ClothModel(
         device=device,
@@ -157,9 +153,8 @@ def build_model(
         hinge_count=hinge_count,
         weave_start=_starts([0 if rest.yarns is None else len(rest.yarns.corners) for rest in rests]),
         terms=terms,
-        avatar_friction=avatar_friction,
-        offset=offset,
-        vertices=build_vertices(precision, garments, item_start, avatar_friction, offset, device),
+        avatars=tuple(avatars),
+        vertices=build_vertices(precision, garments, item_start, avatars, device),
         state=build_state(precision, garments, device),
         edges=_edges(types, upload, rounded, vertex_start, triangle_start, terms),
         triangles=_triangles(types, upload, rounded, vertex_start, edge_start, terms),

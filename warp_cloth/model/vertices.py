@@ -6,6 +6,7 @@ Also in another order of the vertices, as patches own them or as threads of the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,15 +20,22 @@ CONSTANT = ("weight", "pinned", "item")
 ITERATED = ("position", "displacement", "stiffness", "compliance", "in_contact", "clearance")
 
 
+@dataclass(frozen=True)
+class AvatarSkin:
+    """How an item's avatar meets its cloth."""
+
+    friction: float = 0.0  # Coulomb coefficient
+    offset: float = 0.0  # distance that cloth keeps [m]
+
+
 def build_vertices(
     precision: str,
     garments: Sequence[Garment],
     item_start: Sequence[int],
-    avatar_friction: Sequence[float],
-    offset: Sequence[float],
+    avatars: Sequence[AvatarSkin],
     device: str,
 ) -> Any:
-    """What is constant of the vertices of all garments; ``avatar_friction`` and ``offset`` [m] of each item."""
+    """What is constant of the vertices of all garments; ``avatars`` of each item."""
     types, count = cloth_types(precision), item_start[-1]
     vertices = types.Model()
     vertices.weight = upload_concatenated(
@@ -43,8 +51,8 @@ def build_vertices(
     vertices.item = wp.array(item, dtype=wp.int32, device=device)
     items = np.zeros(len(item_start) - 1, dtype=types.Item.numpy_dtype())
     items["active"] = 1
-    items["avatar_friction"] = avatar_friction
-    items["offset"] = offset
+    items["avatar_friction"] = [each.friction for each in avatars]
+    items["offset"] = [each.offset for each in avatars]
     vertices.items = wp.array(items, dtype=types.Item, device=device)
     return vertices
 

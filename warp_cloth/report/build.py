@@ -7,9 +7,11 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from warp_cloth.model.plan import make_plan
+from warp_cloth.report.verdict import is_worn, verdict
 
 if TYPE_CHECKING:
     from warp_cloth.garment.outfit import Outfit
+    from warp_cloth.model.attempt import Attempt
     from warp_cloth.model.fit_problem import FitProblem
     from warp_cloth.model.result import AttemptRun
     from warp_cloth.report.measurements import Measurements
@@ -18,41 +20,36 @@ if TYPE_CHECKING:
 
 
 def build_report(
-    scene: Scene,
+    attempt: Attempt,
     outfit: Outfit,
     outcome: Outcome,
     measured: Measurements,
     *,
-    message: str,
-    worn: bool,
     problems: Sequence[FitProblem],
     attempts: Sequence[AttemptRun],
-    stated: Scene,
     seconds: dict[str, float],
     device: str,
 ) -> dict[str, Any]:
     """The report of one scene; units are in the keys' names.
 
     Args:
-        scene: what was fitted, with nothing left to decide.
+        attempt: the one whose shape is the result.
         outfit: its garments and avatar.
         outcome: of the relaxation.
         measured: of the worn shape.
-        message: the verdict.
-        worn: whether all garments are.
-        problems: what is wrong with them.
-        attempts: in order.
-        stated: the scene as its author wrote it.
+        problems: what is wrong with the garments.
+        attempts: all of them, in order.
         seconds: of each stage.
         device: Warp's name of it.
     """
+    scene = attempt.scene
     relaxing, overlap, crossings = seconds["relax"], measured.overlap, measured.crossings
     topologies = [garment.rest.topology for garment in outfit.garments]
     yarns = {direction: asdict(strain) for direction, strain in measured.yarn_strains.items()}
     return {
         "status": outcome.status.value,
-        "message": message,
-        "worn": worn,
+        "message": verdict(outcome, problems),
+        "worn": is_worn(outcome.status, problems),
         "problems": [problem.as_json() for problem in problems],
         "vertices": sum(len(garment.points) for garment in outfit.garments),
         "faces": sum(len(garment.triangles) for garment in outfit.garments),
@@ -76,7 +73,7 @@ def build_report(
         "avatar": {"unit": outfit.avatar.unit, "notes": list(outfit.avatar.notes)} if outfit.avatar else None,
         "choices": [asdict(choice) for choice in measured.choices],
         "plan": [asdict(term) for term in make_plan(scene, outfit)],
-        "settings": stated.settings(),
+        "settings": attempt.stated.settings(),
     }
 
 

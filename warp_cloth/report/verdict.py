@@ -12,7 +12,7 @@ from warp_cloth.model.result import Status
 if TYPE_CHECKING:
     from warp_cloth.solver.goal import Outcome
 
-MOST_TOLD = 3  # problems in the verdict; the list has them all
+MOST_SHOWN = 3  # problems in the verdict; the list has them all
 OF_STATUS = (ProblemCode.DIVERGED, ProblemCode.NOT_AT_REST)  # say by themselves how the fit ended
 
 
@@ -23,33 +23,33 @@ def is_worn(status: Status, problems: Sequence[FitProblem]) -> bool:
 
 def verdict(outcome: Outcome, problems: Sequence[FitProblem]) -> str:
     """How a fit ended, then what is wrong and the remedy of what is the likeliest cause."""
-    told = [problem for problem in problems if not problem.code.is_note] or list(problems)
+    reported = [problem for problem in problems if not problem.code.is_note] or list(problems)
     rest = f"At rest after {outcome.iterations:,} iterations"
     if outcome.status is not Status.AT_REST:
-        told.sort(key=lambda problem: problem.code not in OF_STATUS)  # how it ended, then why
-        if not told:
+        reported.sort(key=lambda problem: problem.code not in OF_STATUS)  # how it ended, then why
+        if not reported:
             return f"{outcome.status.value.replace('_', ' ').capitalize()} after {outcome.iterations:,} iterations."
     elif is_worn(outcome.status, problems):
         rest += (
             f": forces balance to {100 * outcome.check.residual.relative_rms:.2g} %, and the shape is within "
             f"{1e3 * outcome.check.rest_error:.2g} mm of its rest shape."
         )
-        return " ".join([rest, *(f"Note: {problem.message} {problem.remedy}" for problem in told)])
+        return " ".join([rest, *(f"Note: {problem.message} {problem.remedy}" for problem in reported)])
     start = [f"{rest}, but not worn."] if outcome.status is Status.AT_REST else []
-    return " ".join([*start, *_sentences(told), min(told, key=lambda problem: problem.code.rank).remedy])
+    return " ".join([*start, *_sentences(reported), min(reported, key=lambda problem: problem.code.rank).remedy])
 
 
 def shape_verdict(problems: Sequence[FitProblem]) -> str:
-    """The same of a shape of which only a fit would tell whether it is at rest."""
-    told = [problem for problem in problems if not problem.code.is_note]
-    if not told:
+    """The verdict on a shape that was not relaxed, so that nobody knows whether it is at rest."""
+    reported = [problem for problem in problems if not problem.code.is_note]
+    if not reported:
         return " ".join(["Worn, if it is at rest.", *(f"Note: {problem.message}" for problem in problems)])
-    return " ".join(["Not worn.", *_sentences(told), told[0].remedy])
+    return " ".join(["Not worn.", *_sentences(reported), reported[0].remedy])
 
 
-def _sentences(told: Sequence[FitProblem]) -> list[str]:
-    """What the first of these problems say, and how many there are besides."""
-    sentences = [problem.message for problem in told[:MOST_TOLD]]
-    if len(told) > MOST_TOLD:
-        sentences.append(f"{counted(len(told) - MOST_TOLD, 'more problem')} in the list.")
+def _sentences(reported: Sequence[FitProblem]) -> list[str]:
+    """The messages of the first of these problems, and how many more there are."""
+    sentences = [problem.message for problem in reported[:MOST_SHOWN]]
+    if len(reported) > MOST_SHOWN:
+        sentences.append(f"{counted(len(reported) - MOST_SHOWN, 'more problem')} in the list.")
     return sentences

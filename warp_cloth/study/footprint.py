@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
-
-import warp as wp
 
 from warp_cloth.contact.crossing import search_bytes
 from warp_cloth.fitting.problem import Problem
@@ -94,15 +91,6 @@ def compulsory_bytes(launch: Launch) -> int:
     sampled at places (the avatar's distance field), do not count. tests/benchmarks/traffic.py measures real traffic.
     """
     return bytes_of([array for array in launch.arrays().values() if array.ndim == 1])
-
-
-def iteration_bytes(launches: Sequence[Launch]) -> int:
-    """Compulsory bytes of launches, each launch by itself."""
-    kernels: dict[wp.Kernel, int] = {}
-    for launch in launches:
-        if launch.kernel not in kernels:
-            kernels[launch.kernel] = compulsory_bytes(launch)
-    return sum(kernels[launch.kernel] for launch in launches)
 
 
 def memory_of(problem: Problem) -> dict[str, int]:

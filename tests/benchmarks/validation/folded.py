@@ -30,7 +30,7 @@ from warp_cloth.avatar.collider import Collider
 from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.bench.specimen import Specimen
+from warp_cloth.bench.specimen import Specimens, piece
 from warp_cloth.bench.swatch import strip as regular_strip
 from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.solver.step_options import StepOptions
@@ -139,10 +139,8 @@ def folded(span: float, device: str, case: tuple[str, int]) -> Folded:
     start = np.column_stack([mesh.points[:, 0], UNIT * z, UNIT * x])
     below = _plane()
     exact = build_exact_collider(below, device)
-    specimen = Specimen(
-        mesh,
-        FABRIC,
-        np.flatnonzero(held).astype(np.int32),
+    specimen = Specimens(
+        [piece(mesh, FABRIC, np.flatnonzero(held).astype(np.int32))],
         weightless=False,
         device=device,
         options=StepOptions(method="multilevel"),

@@ -20,7 +20,7 @@ from strips import MESHES, TIGHT, Figures, add_write_option, irregular_strip, re
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.bench.specimen import Specimen
+from warp_cloth.bench.specimen import Specimens, piece
 from warp_cloth.bench.swatch import strip as regular_strip
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.material.laboratory import GRAVITY
@@ -44,7 +44,7 @@ def stretched(grain: float, device: str, case: tuple[str, int]) -> tuple[float, 
     mesh = panel(case[0], WIDTH, LENGTH, case[1])
     place = 0.5 * LENGTH - mesh.points[:, 2]
     held = np.flatnonzero(place < 1e-9).astype(np.int32)
-    specimen = Specimen(mesh, CLOTH, held, grain_degrees=grain, weightless=False, device=device)
+    specimen = Specimens([piece(mesh, CLOTH, held, grain_degrees=grain)], weightless=False, device=device)
     found = specimen.settle(np.column_stack([mesh.points[:, 0], -place, np.zeros(len(place))]), TIGHT, LIMIT)
     low = place > LENGTH * (1.0 - 1e-9)
     return -float(found.points[low, 1].mean()) - LENGTH, found.check.within(TIGHT)
@@ -61,7 +61,7 @@ def sheared(degrees: float, device: str, case: tuple[str, int]) -> tuple[float, 
     points[:, 0] -= np.sin(angle) * flat[:, 1]
     points[:, 2] = np.cos(angle) * flat[:, 1]
     way[:, 0], way[:, 2] = -np.cos(angle) * flat[:, 1], -np.sin(angle) * flat[:, 1]
-    specimen = Specimen(mesh, CLOTH, held, device=device, options=StepOptions(method="multilevel"))
+    specimen = Specimens([piece(mesh, CLOTH, held)], device=device, options=StepOptions(method="multilevel"))
     found = specimen.settle(points, TIGHT, LIMIT)
     return -float((found.forces[held] * way[held]).sum()) / SIDE**2, found.check.within(TIGHT)
 

@@ -20,8 +20,10 @@ from measured import Figures, add_write_option
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.bench.specimen import Specimen
+from warp_cloth.bench import specimen
+from warp_cloth.bench.specimen import Specimens, piece
 from warp_cloth.bench.swatch import strip as regular_strip
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.laid import laid_by
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.material.hysteresis import Laid
@@ -112,16 +114,19 @@ def settled(run: Run) -> Settled:
     place = unit * _started(strip, s / unit)
     clamped, start = np.flatnonzero(held).astype(np.int32), np.column_stack([flat[:, 0], place[:, 1], place[:, 0]])
 
-    def specimen(weight: float, laid: Laid | None) -> Specimen:
-        fabric, options = replace(run.fabric, weight=weight), StepOptions(method=run.method)
-        return Specimen(mesh, fabric, clamped, weightless=False, device=run.device, options=options, laid=laid)
+    def strip_of(weight: float, laid: Laid | None) -> Garment:
+        return piece(mesh, replace(run.fabric, weight=weight), clamped, laid=laid)
+
+    def settled(own: Garment, start: Floats) -> specimen.Settled:
+        options = StepOptions(method=run.method)
+        return Specimens([own], weightless=False, device=run.device, options=options).settle(start, TIGHT, LIMIT)
 
     laid = None
     if run.let_down:
-        hung = specimen(run.let_down * run.fabric.weight, None)
-        start = hung.settle(start, TIGHT, LIMIT).points
-        laid = laid_by(hung.rest, start)
-    found = specimen(run.fabric.weight, laid).settle(start, TIGHT, LIMIT)
+        heavy = strip_of(run.let_down * run.fabric.weight, None)
+        start = settled(heavy, start).points
+        laid = laid_by(heavy.rest, start)
+    found = settled(strip_of(run.fabric.weight, laid), start)
     shape = _middle(s / edge, edge / unit, found.points[:, [2, 1]] / unit, strip)
     return Settled(run, shape, found.check.within(TIGHT), found.check.iteration)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -28,48 +28,54 @@ PER_CORE_LAYERED = 1  # patches on each core of a large GPU, at least, where lay
 AT_REST_FRACTION = 0.125  # of the launched patches that may belong to finished items: their blocks end at once
 
 
+@dataclass(eq=False)
 class Patches:
     """The cloth cut into patches, one thread block each. The first ``count`` are launched."""
 
-    def __init__(
-        self,
-        rows: NDArray[np.int32],
-        item: NDArray[np.int32],
-        tables: Any,
-        packed_tables: tuple[Any, Any],
-        permutation: Permutation,
-        order: wp.array,
-        rank: wp.array,
-        overflow: wp.array,
-        few: bool,
-    ) -> None:
-        """``rows``: kernels.base.types.Patch of each patch, shape [P, 16], and its ``item``; others as attributes."""
-        self._rows, self._item = rows, item
-        self.tables = tables  # kernels.base.types Patches
-        self.packed_tables = packed_tables  # for vertices in the patches' order: forwards, and last patch first
-        self.permutation = permutation  # of the vertices into the patches' order, on the host
-        self.order = order  # vertices that the patches own, one patch after another
-        self.rank = rank  # position of each vertex in ``order``
-        self.overflow = overflow  # memory of patches that are too large for a block's shared memory
-        self.fits = wp.get_device(overflow.device).is_cuda and not len(overflow)  # whether none is
-        self.paired = bool(rows[:, list(Patch.vars).index("tile_count")].any())  # whether threads work on pairs
-        self.few = few  # whether each core runs few of them at a time
-        self.count = len(rows)
+    rows: NDArray[np.int32]  # kernels.base.types.Patch of each patch, shape [P, 16]
+    item: NDArray[np.int32]  # that each belongs to, shape [P]
+    tables: Any  # kernels.base.types Patches
+    packed_tables: tuple[Any, Any]  # for vertices in the patches' order: forwards, and last patch first
+    permutation: Permutation  # of the vertices into the patches' order, on the host
+    order: wp.array  # vertices that the patches own, one patch after another
+    rank: wp.array  # position of each vertex in ``order``
+    overflow: wp.array  # memory of patches that are too large for a block's shared memory
+    few: bool  # whether each core runs few of them at a time
+    count: int = field(init=False)
+    fits: bool = field(init=False)  # whether none is too large for shared memory
+    paired: bool = field(init=False)  # whether threads work on pairs
+
+    def __post_init__(self) -> None:
+        self.count = len(self.rows)
+        self.fits = wp.get_device(self.overflow.device).is_cuda and not len(self.overflow)
+        self.paired = bool(self.rows[:, list(Patch.vars).index("tile_count")].any())
 
     def work_on(self, active: NDArray[np.bool_]) -> bool:
         """Launches the patches of active items only; returns whether their number has changed.
 
         Where few others are launched nothing changes, as a patch at rest takes little time.
         """
-        chosen = np.flatnonzero(active[self._item])
+        chosen = np.flatnonzero(active[self.item])
         wanted = len(chosen)
         if not wanted or wanted <= self.count <= wanted + AT_REST_FRACTION * wanted:
             return False
-        rows = self._rows[chosen].reshape(wanted, -1, 4)
+        rows = self.rows[chosen].reshape(wanted, -1, 4)
         for tables, some in ((self.tables, rows), (self.packed_tables[1], rows[::-1])):
             tables.patch[: 4 * wanted].assign(np.ascontiguousarray(some).reshape(-1, 4))
         self.count = wanted
         return True
+
+
+@dataclass(frozen=True)
+class CutOptions:
+    """How cloth is cut into patches; its results do not depend on that.
+
+    layered: whether garments lie on each other in contact: then blocks that compute contact share the cores.
+    like: number of vertices of the model as whose patches these are cut; None: as many as there are.
+    """
+
+    layered: bool = False
+    like: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +86,7 @@ class PatchSource:
     points: positions of each garment's vertices as loaded [m].
     terms: the model's terms that act in the cloth.
     item_start: first vertex of each item, and the number of all.
-    layered: whether garments lie on each other in contact: then blocks that compute contact share the cores.
-    like: number of vertices of the model as whose patches these are cut; None: as many as there are.
+    cut: how they are cut.
     """
 
     garments: Sequence[Elements]
@@ -89,8 +94,7 @@ class PatchSource:
     points: Sequence[Points]
     terms: Terms
     item_start: tuple[int, ...]
-    layered: bool = False
-    like: int | None = None
+    cut: CutOptions
 
 
 def device_patches(source: PatchSource, types: Any, device: str, cache: Cache) -> Patches:
@@ -128,7 +132,7 @@ def device_patches(source: PatchSource, types: Any, device: str, cache: Cache) -
     packed.vertex = back.vertex = packing("packed_vertex")
     back.patch = wp.array(_last_first(wide, len(wide)).reshape(-1, 4), dtype=wp.vec4i, device=device)
     overflow = wp.empty(overflowing, dtype=wp.uint8, device=device)
-    few = max(len(rows), 0 if source.like is None else source.like // block.vertices) <= FEW
+    few = max(len(rows), 0 if source.cut.like is None else source.cut.like // block.vertices) <= FEW
     permutation = Permutation(concatenate([own.order for own in packings], start))
     places = packing("order"), packing("rank")
     return Patches(wide, rows["item"], tables, (packed, back), permutation, *places, overflow, few)
@@ -136,11 +140,11 @@ def device_patches(source: PatchSource, types: Any, device: str, cache: Cache) -
 
 def _cut(source: PatchSource, precision: str, cache: Cache) -> list[PatchTables]:
     """Each garment's patches; with pairs of triangles where these are faster and can be numbered (``beyond_bits``)."""
-    vertices = sum(len(part) for part in source.points) if source.like is None else source.like
+    vertices = sum(len(part) for part in source.points) if source.cut.like is None else source.cut.like
 
     def cut_as(paired: bool) -> list[PatchTables]:
         block = block_for(paired)
-        size = even_size(vertices, block, PER_CORE_LAYERED) if source.layered else even_size(vertices, block)
+        size = even_size(vertices, block, PER_CORE_LAYERED) if source.cut.layered else even_size(vertices, block)
         return garment_patches(
             source.garments,
             source.points,
