@@ -13,7 +13,7 @@ from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
 from warp_cloth.pattern.draft import Stated
-from warp_cloth.pattern.dxf import repaired
+from warp_cloth.pattern.dxf_drawn import repaired
 from warp_cloth.pattern.kinds import PLACES, named
 from warp_cloth.pattern.proposal import SEWN_FROM
 from warp_cloth.scene.wearables import Place

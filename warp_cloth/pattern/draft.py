@@ -14,7 +14,8 @@ from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, SIDE_PANEL, UNDER_SLEEVE, named, without_side
 from warp_cloth.pattern.panel_roles import middle_side, parted_at_underarm, side_panel_roles
-from warp_cloth.pattern.pieces import Piece, opened
+from warp_cloth.pattern.piece import Piece
+from warp_cloth.pattern.pieces import opened
 from warp_cloth.pattern.roles import (
     Roles,
     Shape,
