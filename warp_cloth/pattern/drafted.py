@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
-from warp_cloth.pattern.draft import Part, Stated, parts_of
+from warp_cloth.pattern.draft import Part, Stated
 from warp_cloth.pattern.dxf import read_drawing
 from warp_cloth.pattern.figure import Figure, figure_of
 from warp_cloth.pattern.grade_table import GradeTable
@@ -21,7 +21,7 @@ from warp_cloth.pattern.piece_sizes import rank
 from warp_cloth.pattern.pieces import pieces_of
 from warp_cloth.pattern.placing import wraps_of
 from warp_cloth.pattern.proposal import SEWN_FROM, proposed_joints
-from warp_cloth.pattern.skirt_panels import with_skirt_panels
+from warp_cloth.pattern.shared_sides import parts_with_sides
 from warp_cloth.pattern.specification import Edge, Panel, Pattern, Stitch, short
 
 ADVICE = "draw it with `warp-cloth pattern`, and state the seams that it needs ([[garment.seam]])"
@@ -68,8 +68,7 @@ def read_draft(file: str, data: bytes, options: DraftOptions, table: GradeTable 
     notes = [*told, *(note for piece in chosen for note in piece.notes)]
     if options.size is None and len(sizes) > 1:
         notes.append(f"size {size} of {', '.join(sizes)}: state garment.size for another")
-    found, decided = parts_of(file, chosen, options.pieces)
-    parts = tuple(with_skirt_panels(found))
+    parts, decided = parts_with_sides(file, chosen, options.pieces)
     notes += decided
     unsewn: tuple[Joint, ...] = ()
     if options.seams:

@@ -28,6 +28,7 @@ COUNT_KEYS = (
 )
 NOTE_KEYS = ("annotation", "annotations", "remark", "description")
 PAIR = r"\bpairs?\b|\bpaare?\b|\bpaires?\b|\bpar(es)?\b|\bpai[ao]\b|[对对双雙]"
+PLEATED = r"\bpleat|\bfalte|kellerfalte|\bpliss|\bplis? |\bplisad|\btabla\b|\bpieghe?\b|褶|プリーツ|주름"
 ON_FOLD = r"\bon (the )?fold|\bau pli|\bbruch\b|stoffbruch|\bdoblez|\bpiega\b|对折|對折"
 # How often to cut, in words of labels ("Cut 2", "2x", "SHELL*1"), and of left and right ("L*1-R*1")
 CUT_TIMES = (

@@ -17,7 +17,7 @@ from warp_cloth.pattern.dxf_unit import unit_of
 from warp_cloth.pattern.grade_table import GradeTable
 from warp_cloth.pattern.grading import graded
 from warp_cloth.pattern.kinds import Named, named_all
-from warp_cloth.pattern.labels import ON_FOLD, copies_of, name_of, size_of
+from warp_cloth.pattern.labels import ON_FOLD, PLEATED, copies_of, name_of, size_of
 from warp_cloth.pattern.lattice import inside
 from warp_cloth.pattern.loops import area_of, smoothed
 from warp_cloth.pattern.marks import NO_POINTS, carried, corners_of, marks_of, notches_of, with_cut_notches
@@ -114,6 +114,8 @@ def _piece(
         notes.append("is a half: mirrored at its fold line")
     else:
         edges, mirror = _halved(edges)
+    if re.search(PLEATED, " ".join((*drawn.texts.values(), *drawn.remarks)).lower()):
+        notes.append("its pleats are not folded: what is longer at a seam is gathered")
     told = tuple(f'piece "{short(name)}": {note}' for note in notes)
     return Piece(name, size, copies, tuple(edges), mirror, notches, inner, tuple(map(tuple, holes)), told, Named())
 

@@ -30,9 +30,9 @@ Place = Literal[
     "under_sleeve", "left_under_sleeve", "right_under_sleeve", "leg_front", "left_leg_front", "right_leg_front",
     "leg_back", "left_leg_back", "right_leg_back", "leg", "left_leg", "right_leg", "skirt_front", "skirt_back", "hood",
     "left_hood", "right_hood", "collar", "waistband", "hem_band", "cuff", "left_cuff", "right_cuff", "none",
-    "side_skirt_front", "side_skirt_back",
+    "side_skirt_front", "side_skirt_back", "gore",
 ]  # fmt: skip
-Copies = Annotated[Integer, Field(ge=0, le=1)]
+Copies = Annotated[Integer, Field(ge=0, le=50)]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]
 LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
 # GarmentCode simulates its designs at this: 7,000 vertices for a T-shirt and trousers, and folds of 6 cm
@@ -92,7 +92,9 @@ class PieceSpec(Table):
     name: str = Field(min_length=1, description="The piece's name in the file.")
     place: Place | None = Field(default=None, description="What it covers; by default as name and shape show.")
     copies: tuple[Copies, Copies] | None = Field(
-        default=None, description="How often it is cut as drawn, and mirrored: [1, 1] is a pair; by default as stated."
+        default=None,
+        description="How often it is cut as drawn, and mirrored: [1, 1] is a pair, [6, 0] six gores of a skirt; "
+        "by default as stated.",
     )
 
 
