@@ -119,7 +119,7 @@ def panelled_skirt(grade: float = 0.0) -> list[Drafted]:
 
 def gored_skirt(grade: float = 0.0) -> list[Drafted]:
     """A skirt of six equal gores with a waistband."""
-    half, hem, high = 6.0 + 0.2 * grade, 15.0 + 0.3 * grade, 60.0
+    half, hem, high = 7.7 + 0.3 * grade, 15.0 + 0.3 * grade, 60.0
     side = bezier((hem, 0.0), (hem - 4.0, 20.0), (half + 1.5, 40.0), (half, high))
     bottom = bezier((-hem, 0.0), (-5.0, -1.5), (5.0, -1.5), (hem, 0.0))
     top = line((half, high), (-half, high))
@@ -131,7 +131,7 @@ def gored_dress(grade: float = 0.0) -> list[Drafted]:
     """A bodice, and a skirt of seven equal gores at its waist."""
     half = length(half_body("FRONT", 26.0 + grade, 45.0, 8.5, 9.5, 20.0).edges[0]) * 4.0 / 14.0
     gore = gored_skirt(grade)[0]
-    grown = [[(x * half / (6.0 + 0.2 * grade), y) for x, y in edge] for edge in gore.edges]
+    grown = [[(x * half / (7.7 + 0.3 * grade), y) for x, y in edge] for edge in gore.edges]
     return [*top(grade), Drafted("SKIRT PANEL", grown, "7")]
 
 

@@ -28,8 +28,13 @@ def gore(parts: Sequence[Part], index: int, figure: Figure) -> Wrap:
     angle = WHOLE_TURN * float(np.median(share))
     outward = np.sin(angle) * figure.forward - np.cos(angle) * figure.left
     across = np.cross(UP, outward)
-    origin = np.stack([figure.at_height(y) for y in height]) + outward / bend[:, None]
-    return Wrap(part.up, levels, 0.5 * (least + most), bend, origin, *repeated(across, outward))
+    # round the hips, if need be stretched: a waist that started within them would stay there
+    deep, ahead = 0.5 * (figure.front + figure.back), 0.5 * (figure.front - figure.back)
+    clear = 1.0 / np.hypot(np.sin(angle) / deep, np.cos(angle) / figure.half_width)
+    stretch = np.maximum(1.0, clear * bend)[:, None]
+    origin = np.stack([figure.at_height(y) for y in height]) + ahead * figure.forward
+    across, outward = (stretch * each for each in repeated(across, outward))
+    return Wrap(part.up, levels, 0.5 * (least + most), bend, origin + outward / bend[:, None], across, outward)
 
 
 def _widths(part: Part, figure: Figure) -> tuple[np.ndarray, np.ndarray]:
