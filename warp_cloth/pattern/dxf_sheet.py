@@ -94,8 +94,13 @@ def _unframed(loops: list[Floats]) -> list[Floats]:
         rest = loops[:largest] + loops[largest + 1 :]
         inner = [rest[k] for k in _by_area(rest) if _holds(loops[largest], rest[k])]
         apart: list[Floats] = []
-        for loop in inner:
-            if not any(_holds(other, loop) for other in apart):
+        boxes = np.array([(loop.min(axis=0), loop.max(axis=0)) for loop in inner]).reshape(-1, 2, 2)
+        held = np.zeros(len(inner), dtype=bool)
+        for k, loop in enumerate(inner):
+            middle = boxes[k].mean(axis=0)
+            about = ((boxes[:k, 0] <= middle) & (middle <= boxes[:k, 1])).all(axis=1) & ~held[:k]
+            held[k] = any(_holds(inner[other], loop) for other in np.flatnonzero(about).tolist())
+            if not held[k]:
                 apart.append(loop)
         filled = sum(abs(area_of(loop)) for loop in apart) / max(abs(area_of(loops[largest])), 1e-300)
         if len(apart) < 2 or filled < FRAMED[0 if _is_rectangle(loops[largest]) else 1]:
@@ -109,6 +114,9 @@ def _by_area(loops: Sequence[Floats]) -> list[int]:
 
 
 def _holds(outline: Floats, loop: Floats) -> bool:
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    if ((low <= loop) & (loop <= high)).all(axis=1).mean() <= WITHIN:
+        return False
     return bool(inside(outline, loop).mean() > WITHIN)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from warp_cloth.pattern.curve import Floats
 
 WIDEST, DEEPEST, SHALLOWEST = 0.013, 0.014, 0.0015  # [m] of a notch; no dart is so small
+MOST_SHARP = 5_000  # corners of an outline: with more it is a scribble
 MOST_CORNERS = 6  # within a notch: one of a V, four of a T
 ONWARD = np.radians(40.0)  # by which an outline may turn from before to after a notch
 SIDE_TURN = np.radians(35.0)  # by which a notch leaves the outline at least
@@ -25,7 +26,8 @@ def unnotched(loop: Floats) -> tuple[Floats, Floats]:
     angle = np.arctan2(step[:, 1], step[:, 0])
     dropped = np.zeros(count, dtype=bool)
     found = []
-    for first in np.flatnonzero(np.abs(_turn(angle - np.roll(angle, 1))) > SIDE_TURN).tolist():
+    sharp = np.flatnonzero(np.abs(_turn(angle - np.roll(angle, 1))) > SIDE_TURN)
+    for first in sharp.tolist() if len(sharp) <= MOST_SHARP else ():
         if dropped[first]:
             continue
         for corners in range(1, MOST_CORNERS + 1):

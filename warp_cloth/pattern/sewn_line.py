@@ -23,6 +23,7 @@ from warp_cloth.pattern.specification import LARGEST, NO_LENGTH, SMALLEST, short
 
 OPEN_GAP = 2e-3  # [m] that an outline may be open without a note
 WIDEST_ALLOWANCE = 0.08  # [m] from cut to sew line, at a hem
+MOST_PAIRS = 2_000_000  # of a point and a side that are measured
 SAME_LINE = 2e-3  # relative, of the areas of a sew line and a cut line that are one
 SAME_SHARE = 0.5  # of the area of the largest loop: others are of other sizes
 
@@ -128,7 +129,7 @@ def _goes_round(sew: Floats, cut: Floats) -> bool:
         return area_of(sew) > SAME_SHARE * area_of(cut)
     along = np.roll(sew, -1, axis=0) - sew
     square = np.maximum((along**2).sum(axis=1), 1e-300)
-    away = cut[:, None] - sew[None]
+    away = cut[:: 1 + len(cut) * len(sew) // MOST_PAIRS, None] - sew[None]
     share = np.clip((away * along).sum(axis=2) / square, 0.0, 1.0)
     apart = np.hypot(*np.moveaxis(away - share[..., None] * along, 2, 0)).min(axis=1)
     return bool(apart.max() <= WIDEST_ALLOWANCE)
