@@ -117,7 +117,68 @@ def panelled_skirt(grade: float = 0.0) -> list[Drafted]:
     return [*pieces, band("WAISTBAND", 0.98 * waist, 4.0)]
 
 
-PANELLED = {"princess": princess, "jacket": jacket, "banded": banded, "panelled_skirt": panelled_skirt}
+def gored_skirt(grade: float = 0.0) -> list[Drafted]:
+    """A skirt of six equal gores with a waistband."""
+    half, hem, high = 7.7 + 0.3 * grade, 15.0 + 0.3 * grade, 60.0
+    side = bezier((hem, 0.0), (hem - 4.0, 20.0), (half + 1.5, 40.0), (half, high))
+    bottom = bezier((-hem, 0.0), (-5.0, -1.5), (5.0, -1.5), (hem, 0.0))
+    top = line((half, high), (-half, high))
+    gore = Drafted("GORE", [bottom, side, top, [(-x, y) for x, y in side[::-1]]], "6")
+    return [gore, band("WAISTBAND", 12.0 * half * 0.98, 4.0)]
+
+
+def gored_dress(grade: float = 0.0) -> list[Drafted]:
+    """A bodice, and a skirt of seven equal gores at its waist."""
+    half = length(half_body("FRONT", 26.0 + grade, 45.0, 8.5, 9.5, 20.0).edges[0]) * 4.0 / 14.0
+    gore = gored_skirt(grade)[0]
+    grown = [[(x * half / (7.7 + 0.3 * grade), y) for x, y in edge] for edge in gore.edges]
+    return [*top(grade), Drafted("SKIRT PANEL", grown, "7")]
+
+
+def top(grade: float = 0.0) -> list[Drafted]:
+    """A sleeveless top to the waist."""
+    shoulder = 20.0 + 0.7 * grade
+    return [
+        half_body(name, 26.0 + grade, 45.0, 8.5, depth, shoulder) for name, depth in (("FRONT", 9.5), ("BACK", 2.5))
+    ]
+
+
+def side_panelled(grade: float = 0.0) -> list[Drafted]:
+    """A T-shirt with a panel under each arm, sewn to front and back; drafted as worn on the left, its front at -x."""
+    pieces, strips, holes = [], [], []
+    for name, depth, share in (("FRONT", 9.5, 0.25), ("BACK", 2.5, 0.35)):
+        half = half_body(name, 26.0 + grade, 62.0 + grade, 8.5, depth, 20.0 + 0.7 * grade)
+        hem, side, armhole, shoulder, neck, fold = half.edges
+        outer, inner = cut_at(armhole, share)
+        holes.append(length(armhole))
+        foot = (outer[-1][0] - (0.5 if depth > 4 else 0.0), 0.0)
+        cut = line(foot, outer[-1])
+        edges = [line(hem[0], foot), cut, inner, shoulder, neck, fold]
+        pieces.append(Drafted(name, edges, "1", half.fold, [middle(cut, 0.5)]))
+        strips.append((foot, outer, side, hem))
+    (foot, outer, side, hem), (behind, back_outer, *_) = strips
+    across = 2.0 * hem[1][0]
+    mirrored = [(across - x, y) for x, y in back_outer[::-1]]
+    edges = [
+        line(foot, (across - behind[0], 0.0)),
+        line((across - behind[0], 0.0), mirrored[0]),
+        [*mirrored, *outer[1:]],
+        line(outer[-1], foot),
+    ]
+    notches = [middle(edges[1], 0.5), middle(edges[3], 0.5)]
+    arm = sleeve("SLEEVE", 18.0 + 0.6 * grade, 30.0, 15.0, *holes)
+    return [*pieces, Drafted("SIDE PANEL", edges, "2", None, notches), arm]
+
+
+PANELLED = {
+    "princess": princess,
+    "jacket": jacket,
+    "banded": banded,
+    "panelled_skirt": panelled_skirt,
+    "gored_skirt": gored_skirt,
+    "gored_dress": gored_dress,
+    "side_panelled": side_panelled,
+}
 TRUE_PANELLED_SEAMS = {
     "princess": {"princess": 4, "shoulder": 2, "side": 2, "sleeve cap": 2, "underarm": 2},
     "jacket": {
@@ -128,5 +189,8 @@ TRUE_PANELLED_SEAMS = {
         **{"princess": 4, "shoulder": 2, "side": 2, "sleeve cap": 2, "underarm": 2},
         **{"hem band": 1, "hem_band ends": 1},
     },
+    "gored_skirt": {"gore": 6, "waistband": 1, "waistband ends": 1},
+    "gored_dress": {"gore": 7, "waist": 1, "shoulder": 2, "side": 2},
+    "side_panelled": {"princess": 2, "shoulder": 2, "side": 2, "sleeve cap": 2, "underarm": 2},
     "panelled_skirt": {"princess": 4, "side": 2, "waistband": 1, "waistband ends": 1},
 }

@@ -119,7 +119,7 @@ class _TaskRun:
             return ItemResult(empty_row(item.name, Status.INVALID.value, _in_columns(error)))
         sources = [scene.avatar.mesh] if scene.avatar is not None else []
         for garment in scene.garments:
-            sources += [garment.file, garment.grain_texture]
+            sources += [garment.file, garment.grade_table, garment.grain_texture]
         self._files.update(path for path in sources if path is not None)
         return scene
 

@@ -242,7 +242,7 @@ def garment_keys(scene: Scene, index: int) -> GarmentKeys:
     common: Key = (_directory(scene), key, str(_body(scene)))
     if _laid_round(scene, spec) is not None:
         common = *common, *avatar_recipe(scene)[0].key[1:]
-    stamp = _file_stamp(spec.file, spec.grain_texture)
+    stamp = _file_stamp(spec.file, spec.grade_table, spec.grain_texture)
     return GarmentKeys(
         ("mesh", *common, _values(spec, MESH_KEYS), stamp),
         ("geometry", *common, _values(spec, set(GarmentSpec.model_fields) - FABRIC_KEYS), stamp),

@@ -3,6 +3,7 @@
 from warp_cloth.pattern.assembly import is_drafted, load_pattern, read_drafted, read_pattern, sewn_mesh, sewn_pattern
 from warp_cloth.pattern.drafted import DraftOptions
 from warp_cloth.pattern.figure import figure_of
+from warp_cloth.pattern.grade_table import table_beside
 
 __all__ = [
     "DraftOptions",
@@ -13,4 +14,5 @@ __all__ = [
     "read_pattern",
     "sewn_mesh",
     "sewn_pattern",
+    "table_beside",
 ]

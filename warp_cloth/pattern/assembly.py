@@ -19,6 +19,7 @@ from warp_cloth.pattern.delaunay import Ints, OutlineError
 from warp_cloth.pattern.drafted import Draft, DraftOptions, drafted_pattern, read_draft
 from warp_cloth.pattern.figure import Figure
 from warp_cloth.pattern.garmentcode import read_specification
+from warp_cloth.pattern.grade_table import read_grade_table, table_beside
 from warp_cloth.pattern.mesher import Flat, meshed
 from warp_cloth.pattern.outline import Outline, SewnOutlines, sewn_outlines
 from warp_cloth.pattern.sewing import Seam, seams_of
@@ -64,12 +65,14 @@ def is_drafted(path: Path) -> bool:
 
 
 def read_drafted(path: Path, options: DraftOptions | None = None) -> Draft:
-    """The pieces of a DXF file, and their seams as stated or proposed.
+    """The pieces of a DXF file, and their seams as stated or proposed; sizes also by a .rul file of the same name.
 
     Raises:
         InputError: ezdxf is not installed, the file cannot be read, or what is stated does not fit it.
     """
-    return read_draft(str(path), content(path), options or DraftOptions())
+    rules = table_beside(path)
+    table = None if rules is None else read_grade_table(str(rules), content(rules))
+    return read_draft(str(path), content(path), options or DraftOptions(), table)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ import numpy as np
 
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.kinds import BOTH, Named
-from warp_cloth.pattern.pieces import Piece
+from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.roles import (
     Roles,
     Shape,

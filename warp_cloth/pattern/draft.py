@@ -14,7 +14,8 @@ from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, SIDE_PANEL, UNDER_SLEEVE, named, without_side
 from warp_cloth.pattern.panel_roles import middle_side, parted_at_underarm, side_panel_roles
-from warp_cloth.pattern.pieces import Piece, opened
+from warp_cloth.pattern.piece import Piece
+from warp_cloth.pattern.pieces import opened
 from warp_cloth.pattern.roles import (
     Roles,
     Shape,
@@ -37,6 +38,7 @@ STRIPS = ("collar", "cuff", "waistband", "hem_band")
 SINGLE = ("front", "back", "collar", "waistband", "hem_band", "yoke", "skirt_front", "skirt_back")
 MIRROR = np.diag([-1.0, 1.0])
 UPWARDS = np.array([0.0, 1.0])
+FEWEST_GORES = 3  # of one piece, all round
 BY_SHAPE = 0.85  # how sure it is of what no name tells
 
 
@@ -98,6 +100,9 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
         if part.kind == "none":
             why = "as stated" if said.place == "none" else "by its name or material it is no part of the outer cloth"
             notes.append(f"{place} is left out: {why}")
+            continue
+        if part.kind == "gore":
+            parts += _gores(part, said.copies or piece.copies or (1, 0))
             continue
         drawn, mirrored = _copies(piece, said, part, place, notes)
         made = [part] if drawn else []
@@ -161,6 +166,14 @@ def _copies(piece: Piece, said: Stated, part: Part, place: str, notes: list[str]
     return drawn > 0, mirrored > 0
 
 
+def _gores(part: Part, copies: tuple[int, int]) -> list[Part]:
+    """The gores of a skirt in their order round it; drawn and mirrored ones by turns, where a piece has two sides."""
+    turns = part.mirror is None and copies[0] == copies[1]
+    made = [_mirrored(part, False) if turns and number % 2 else part for number in range(min(sum(copies), MOST_PANELS))]
+    names = [part.name, *(f"{part.name} #{number}" for number in range(2, len(made) + 1))]
+    return [replace(each, name=name) for each, name in zip(made, names, strict=True)]
+
+
 def _panelled(pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> frozenset[str]:
     """Of "front" and "back" those that are of middle and side panels."""
     faces = {piece.what.kind for piece in pieces if piece.what.panel == SIDE_PANEL and piece.name not in stated}
@@ -174,7 +187,7 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str]) -> Part:
         kind, stated_side = PLACES[said.place]
         side = stated_side or side
         sure = 1.0
-    elif piece.what.panel == SIDE_PANEL:
+    elif piece.what.panel == SIDE_PANEL and kind:
         kind = f"side_{kind}"
     elif piece.what.panel == UNDER_SLEEVE:
         kind = "under_sleeve"
@@ -182,6 +195,8 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str]) -> Part:
         kind = _worn_on(piece, kind)
     elif kind == "leg" and _is_whole_leg(piece):
         pass
+    elif kind == "skirt" and sum(said.copies or piece.copies or ()) >= FEWEST_GORES:
+        kind = "gore"
     elif kind in ("leg", "skirt", ""):
         kind, sure = "", BY_SHAPE
     turn = upright(piece.edges, kind)[1] * np.eye(2)  # half a turn keeps the warp along y
@@ -230,7 +245,7 @@ def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool) -> Roles
         return sleeve_roles(shape)
     if kind == "hood":
         return hood_roles(shape)
-    if kind.removeprefix("side_") in ("skirt_front", "skirt_back"):
+    if kind.removeprefix("side_") in ("skirt_front", "skirt_back", "gore"):
         return skirt_roles(shape)
     return strip_roles(shape) if kind in STRIPS and is_strip(shape) else {}
 

@@ -11,14 +11,17 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
-from warp_cloth.pattern.draft import Part, Stated, parts_of
+from warp_cloth.pattern.draft import Part, Stated
 from warp_cloth.pattern.dxf import read_drawing
 from warp_cloth.pattern.figure import Figure, figure_of
+from warp_cloth.pattern.grade_table import GradeTable
 from warp_cloth.pattern.joints import Joint, StatedSeam, cut, side_text, stated_joints
-from warp_cloth.pattern.pieces import SIZES, Piece, pieces_of
+from warp_cloth.pattern.piece import Piece
+from warp_cloth.pattern.piece_sizes import rank
+from warp_cloth.pattern.pieces import pieces_of
 from warp_cloth.pattern.placing import wraps_of
 from warp_cloth.pattern.proposal import SEWN_FROM, proposed_joints
-from warp_cloth.pattern.skirt_panels import with_skirt_panels
+from warp_cloth.pattern.shared_sides import parts_with_sides
 from warp_cloth.pattern.specification import Edge, Panel, Pattern, Stitch, short
 
 ADVICE = "draw it with `warp-cloth pattern`, and state the seams that it needs ([[garment.seam]])"
@@ -47,21 +50,25 @@ class Draft:
     notes: tuple[str, ...]
 
 
-def read_draft(file: str, data: bytes, options: DraftOptions) -> Draft:
-    """The parts and joints of a DXF file.
+def read_draft(file: str, data: bytes, options: DraftOptions, table: GradeTable | None = None) -> Draft:
+    """The parts and joints of a DXF file, in one of the sizes that it has, or that a grade rule table makes.
 
     Raises:
         InputError: ezdxf is not installed, the file cannot be read, or what is stated does not fit it.
     """
     drawing = read_drawing(file, data)
-    pieces, told = pieces_of(file, drawing, options.seam_allowance)
-    sample = drawing.stated.get("samplesize") or drawing.stated.get("basesize", "")
+    pieces, told = pieces_of(file, drawing, options.seam_allowance, table)
+    sample = drawing.stated.get("samplesize") or drawing.stated.get("basesize", "") or (table.sample if table else "")
+    rules = drawing.stated.get("graderuletable")
+    if rules and table is None and len({piece.size for piece in pieces}) < 2:
+        told.append(
+            f"its sizes are in the grade rule table {short(rules)}: lay it beside the file, as its name with .rul"
+        )
     size, sizes, chosen = _of_size(file, pieces, options.size, sample)
     notes = [*told, *(note for piece in chosen for note in piece.notes)]
     if options.size is None and len(sizes) > 1:
         notes.append(f"size {size} of {', '.join(sizes)}: state garment.size for another")
-    found, decided = parts_of(file, chosen, options.pieces)
-    parts = tuple(with_skirt_panels(found))
+    parts, decided = parts_with_sides(file, chosen, options.pieces)
     notes += decided
     unsewn: tuple[Joint, ...] = ()
     if options.seams:
@@ -78,7 +85,7 @@ def _of_size(
     file: str, pieces: Sequence[Piece], wanted: str | None, sample: str
 ) -> tuple[str, tuple[str, ...], list[Piece]]:
     """The size (by default the sample's, else the middle one), all sizes from small to large, and its pieces."""
-    sizes = tuple(sorted({piece.size for piece in pieces if piece.size}, key=_rank))
+    sizes = tuple(sorted({piece.size for piece in pieces if piece.size}, key=rank))
     if wanted is None:
         if len(sizes) < 2:
             return sizes[0] if sizes else "", sizes, list(pieces)
@@ -90,15 +97,6 @@ def _of_size(
     named = {piece.name for piece in pieces if piece.size == found}
     # a piece that is cut alike in all sizes states none
     return found, sizes, [p for p in pieces if p.size == found or (not p.size and p.name not in named)]
-
-
-def _rank(size: str) -> tuple[float, str]:
-    """Sizes in order: letters, then numbers."""
-    upper = size.upper()
-    if upper in SIZES:
-        return float(SIZES.index(upper)) - 1000.0, upper
-    digits = "".join(c for c in upper if c.isdigit())
-    return (float(digits[:9]) if digits else 1e12), upper
 
 
 def _told(parts: Sequence[Part], joints: Sequence[Joint], unsewn: Sequence[Joint]) -> list[str]:

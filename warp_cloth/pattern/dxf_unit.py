@@ -7,7 +7,8 @@ import re
 import numpy as np
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.pattern.dxf import CUT, SEW, Drawing
+from warp_cloth.pattern.dxf import Drawing
+from warp_cloth.pattern.dxf_drawn import CUT, SEW
 
 INCH = 0.0254
 # Metres in a unit of $INSUNITS

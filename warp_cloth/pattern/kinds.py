@@ -55,6 +55,7 @@ PLACES: dict[str, tuple[str, int]] = {
     "right_leg": ("leg", RIGHT),
     "skirt_front": ("skirt_front", BOTH),
     "skirt_back": ("skirt_back", BOTH),
+    "gore": ("gore", BOTH),
     "side_skirt_front": ("side_skirt_front", BOTH),
     "side_skirt_back": ("side_skirt_back", BOTH),
     "hood": ("hood", BOTH),
@@ -130,7 +131,7 @@ def _named(name: str) -> Named:
         face = next((each for each in found if each in ("front", "back")), "")
         is_panel = kind == "skirt" and face and re.search(SIDE_PANEL_WORDS, text)
         return Named(f"{kind}_{face}" if face else kind, side, SIDE_PANEL if is_panel else "")
-    if kind in ("front", "back") and re.search(SIDE_PANEL_WORDS, text):
+    if kind in ("", "front", "back") and re.search(SIDE_PANEL_WORDS, text):
         return Named(kind, side, SIDE_PANEL)
     if kind == "sleeve" and re.search(UNDER, text):
         return Named(kind, side, UNDER_SLEEVE)
@@ -159,7 +160,7 @@ def named_all(texts: Sequence[Sequence[str]]) -> list[Named]:
         found.append(what)
     # "right side front" may mean the side of the wearer: a side panel has a middle one beside it
     whole = {what.kind for what in found if not what.panel}
-    return [what if what.kind in whole else replace(what, panel="") for what in found]
+    return [what if what.kind in whole or not what.kind else replace(what, panel="") for what in found]
 
 
 def _coded(words: Sequence[str]) -> str:

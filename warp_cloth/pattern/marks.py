@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.dxf import CURVE, NOTCH, TURN, Drawn
+from warp_cloth.pattern.dxf_drawn import CURVE, NOTCH, TURN, Drawn
 from warp_cloth.pattern.loops import turns_of
 
 CORNER = np.radians(35.0)  # turn that makes a corner where turn points do not state them
 MARKED_CORNER = np.radians(60.0)  # and where the file calls the point one of a curve
 NEAR = 1.5e-3  # [m] from a mark to the outline that it belongs to
 NOTCH_REACH = 0.03  # [m]: notches are on the cut line, and outlines may be sew lines
+CUT_NOTCH = 0.012  # [m] from the middle of a notch to its corners
 NO_POINTS = np.zeros((0, 2))
 
 Marks = dict[int, Floats]  # points by layer [m], shape [N, 2]
@@ -25,6 +26,18 @@ def marks_of(drawn: Drawn, metres: float) -> Marks:
     if lines:
         marks[NOTCH] = np.concatenate([marks.get(NOTCH, NO_POINTS), *lines])
     return {layer: marks[layer] for layer in (TURN, CURVE, NOTCH) if layer in marks}
+
+
+def with_cut_notches(marks: Marks, notches: Floats) -> Marks:
+    """Marks, with notches that were cut into the outline, shape [N, 2]; the corners of these are no turn points."""
+    if not len(notches):
+        return marks
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(notches)
+    kept = {layer: points[tree.query(points)[0] > CUT_NOTCH] for layer, points in marks.items() if layer != NOTCH}
+    own = marks.get(NOTCH, NO_POINTS)
+    return kept | {NOTCH: np.concatenate([own[tree.query(own)[0] > CUT_NOTCH], notches]) if len(own) else notches}
 
 
 def carried(marks: Marks, there: Floats, here: Floats) -> Marks:

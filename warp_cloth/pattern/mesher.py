@@ -9,6 +9,7 @@ import numpy as np
 
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.delaunay import FLAT, Ints, OutlineError, doubled_areas, triangulated
+from warp_cloth.pattern.flips import flipped, inserted
 from warp_cloth.pattern.lattice import CLEARANCE, GRADED, Rim, inside, jittered, lattice, rim_of, spacing_at
 
 SMOOTHING_ROUNDS = 8
@@ -78,10 +79,14 @@ def meshed(
         added, of = _refined(sheet, points, triangles, panel)
         if not len(added):
             break
+        count = len(points)
         points, panel = np.concatenate([points, added]), np.concatenate([panel, of])
-        triangles = _renewed(points, panel, triangles, sides, np.unique(of))
+        with_added = inserted(points, triangles, count)
+        if with_added is None:
+            with_added = _renewed(points, panel, triangles, sides, np.unique(of))
+        triangles = with_added
     points = _smoothed(points, triangles, len(rim))
-    triangles = triangulated(points, sides, panel)
+    triangles = flipped(points, triangles)
     points = _improved(points, triangles, len(rim))
     edges = np.roll(points[triangles], -1, axis=1) - points[triangles]
     flat = triangles[doubled_areas(points, triangles) <= FLAT * (edges**2).sum(axis=2).max(axis=1)]
@@ -155,24 +160,26 @@ def _refined(sheet: _Sheet, points: Floats, triangles: Ints, panel: Ints) -> tup
     """Vertices that split triangles which are too large or have too small an angle, and their panels."""
     from scipy.spatial import cKDTree
 
-    corner = points[triangles]
-    edges = np.roll(corner, -1, axis=1) - corner
-    length = np.hypot(edges[..., 0], edges[..., 1])
-    area = doubled_areas(points, triangles)
-    shortest = length.min(axis=1)
-    radius = length.prod(axis=1) / np.maximum(2.0 * area, 1e-9 * length.prod(axis=1) + 1e-30)  # at most 1e9 m
+    x, y = points[:, 0][triangles.T], points[:, 1][triangles.T]  # one corner after another: shape [3, F]
+    aside, up = np.roll(x, -1, axis=0) - x, np.roll(y, -1, axis=0) - y
+    length = np.hypot(aside, up)
+    area = aside[0] * (y[2] - y[0]) - up[0] * (x[2] - x[0])
+    shortest = np.minimum(np.minimum(length[0], length[1]), length[2])
+    product = length[0] * length[1] * length[2]
+    radius = product / np.maximum(2.0 * area, 1e-9 * product + 1e-30)  # at most 1e9 m
     sharp = shortest < 2.0 * np.sin(np.radians(SMALL_ANGLE)) * radius  # law of sines
     maybe = np.flatnonzero(sharp | (radius > LARGE * sheet.spacing))
     if not len(maybe):
         return np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
     place = shortest[maybe]
-    which = length[maybe].argmin(axis=1)
-    a = corner[maybe, which]
-    along = edges[maybe, which]
+    which = length[:, maybe].argmin(axis=0)
+    a = np.column_stack([x[which, maybe], y[which, maybe]])
+    along = np.column_stack([aside[which, maybe], up[which, maybe]])
     left = np.column_stack([-along[:, 1], along[:, 0]]) / place[:, None]
     tall = np.sqrt(np.maximum(radius[maybe] ** 2 - 0.25 * place**2, 0.0))
-    opposite = corner[maybe, (which + 2) % 3] - a
-    obtuse = ((corner[maybe, (which + 2) % 3] - a - along) * opposite).sum(axis=1) < 0.0
+    third = (which + 2) % 3
+    opposite = np.column_stack([x[third, maybe], y[third, maybe]]) - a
+    obtuse = ((opposite - along) * opposite).sum(axis=1) < 0.0
     tall = np.where(obtuse, -tall, tall)
     off = a + 0.5 * along + left * np.minimum(tall, OFF_CENTRE * place)[:, None]
     of = panel[triangles[maybe, 0]]

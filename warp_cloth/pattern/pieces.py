@@ -4,102 +4,94 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.dxf import CUT, CUT_OUT, FOLD, GRAIN, INTERNAL, SEW, TURN, Drawing, Drawn
+from warp_cloth.pattern.dxf import Drawing
+from warp_cloth.pattern.dxf_drawn import CUT_OUT, FOLD, GRAIN, INTERNAL, TURN, Drawn
 from warp_cloth.pattern.dxf_unit import unit_of
+from warp_cloth.pattern.grade_table import GradeTable
+from warp_cloth.pattern.grading import graded
 from warp_cloth.pattern.kinds import Named, named_all
+from warp_cloth.pattern.labels import ON_FOLD, PLEATED, copies_of, name_of, size_of
 from warp_cloth.pattern.lattice import inside
-from warp_cloth.pattern.loops import area_of, chained, cleaned, gap_of, inset, smoothed
-from warp_cloth.pattern.marks import NO_POINTS, carried, corners_of, marks_of, notches_of
-from warp_cloth.pattern.specification import LARGEST, MOST_EDGES, NO_LENGTH, SMALLEST, short
+from warp_cloth.pattern.loops import area_of, smoothed
+from warp_cloth.pattern.marks import NO_POINTS, carried, corners_of, marks_of, notches_of, with_cut_notches
+from warp_cloth.pattern.nests import unnested, without_shadows
+from warp_cloth.pattern.piece import Piece
+from warp_cloth.pattern.piece_sizes import numbered, sized
+from warp_cloth.pattern.sewn_line import SewnLine, closed_loops, sewn_line
+from warp_cloth.pattern.specification import MOST_EDGES, SMALLEST, short
 
-OPEN_GAP = 2e-3  # [m] that an outline may be open without a note
 SMOOTH = 4e-3  # [m] between points of a curve
 FOLD_NEAR = 2e-3  # [m]
 SMALL_HOLE = 0.02  # [m] across: buttonholes, eyelets and drills are left closed
 UPRIGHT = 0.05  # across over along the grain, of an edge that a text says is on the fold
 ALIKE = 3e-3  # [m] to which corners of a symmetric piece agree
 ABOUT = (("category", "description"), ("material", "fabric"))  # texts that tell what a piece is
-# Keys of texts, in the languages of programs
-NAME_KEYS = (
-    *("piecename", "partname", "piece", "part", "name", "patternname", "teilename", "teilbezeichnung", "bezeichnung"),
-    *("nompiece", "nomdelapiece", "nom", "nombrepieza", "nombredelapieza", "nombre", "pieza", "nomepezzo", "nome"),
-)
-SIZE_KEYS = ("size", "sizename", "groesse", "grosse", "konfektionsgrosse", "taille", "talla", "taglia", "tamanho")
-COUNT_KEYS = ("quantity", "qty", "pieces", "anzahl", "stuckzahl", "quantite", "cantidad", "quantita", "quantidade")
-PAIR = r"\bpairs?\b|\bpaare?\b|\bpaires?\b|\bpar(es)?\b|\bpai[ao]\b|[对對双雙]"
-ON_FOLD = r"\bon (the )?fold|\bau pli|\bbruch\b|stoffbruch|\bdoblez|\bpiega\b|对折|對折"
-SIZES = ("XXXS", "XXS", "XS", "S", "M", "L", "XL", "XXL", "XXXL", "2XL", "3XL", "4XL", "5XL", "6XL")
 
 
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """A piece as cut, its grain along +y, its loop counter-clockwise as drawn."""
-
-    name: str
-    size: str
-    copies: tuple[int, int] | None  # as drawn, and mirrored; None: not stated
-    edges: tuple[Chain, ...]
-    mirror: tuple[int, ...] | None  # the edge that each is the mirror image of in a symmetric piece
-    notches: Floats  # [m], shape [N, 2]
-    lines: tuple[Floats, ...]  # inner lines, drawn only [m], shape [n, 2] each
-    holes: tuple[tuple[Chain, ...], ...]  # cut out of it, counter-clockwise
-    notes: tuple[str, ...]
-    what: Named  # what its texts say it is
-
-    @property
-    def outline(self) -> Floats:
-        return np.concatenate([edge.points[:-1] for edge in self.edges])
-
-
-def pieces_of(file: str, drawing: Drawing, allowance: float) -> tuple[tuple[Piece, ...], list[str]]:
+def pieces_of(
+    file: str, drawing: Drawing, allowance: float, table: GradeTable | None = None
+) -> tuple[tuple[Piece, ...], list[str]]:
     """All pieces of a drawing, in all sizes, and notes on the whole file.
 
     Args:
         file: for messages.
         drawing: as read.
         allowance: seam allowance [m] of pieces without a sew line.
+        table: grade rules of the pieces.
 
     Raises:
         InputError: a piece has no closed outline, or an impossible size.
     """
     metres, told = unit_of(file, drawing)
-    loops = [_outline(file, drawn, metres, allowance) for drawn in drawing.pieces]
+    every, nested = unnested(without_shadows(drawing.pieces))
+    if table is not None:
+        every, by_rules = graded(every, table, metres)
+        nested += by_rules
+    loops = [sewn_line(file, drawn, metres, allowance) for drawn in every]
     groups: dict[str, list[int]] = {}
-    for index, drawn in enumerate(drawing.pieces):
-        groups.setdefault(_named(drawn)[0], []).append(index)
+    for index, drawn in enumerate(every):
+        groups.setdefault(name_of(drawn), []).append(index)
     pieces, abouts = [], []
-    for index, (drawn, loop) in enumerate(zip(drawing.pieces, loops, strict=True)):
+    for index, (drawn, loop) in enumerate(zip(every, loops, strict=True)):
         # what only one size states, as AccuMark's sample size does, goes for all
-        others = [index, *groups[_named(drawn)[0]]]
+        others = [index, *groups[name_of(drawn)]]
         texts: dict[str, str] = {}
         for each in others:
-            texts = {key: text for key, text in drawing.pieces[each].texts.items() if text} | texts
+            texts = {key: text for key, text in every[each].texts.items() if text} | texts
         alike = [each for each in others if len(loops[each].points) == len(loop.points)]
-        marked = next((each for each in alike if TURN in drawing.pieces[each].points), index)
-        pieces.append(_piece(file, drawn, loop, _copies(texts), drawing.pieces[marked], loops[marked], metres))
+        marked = next((each for each in alike if TURN in every[each].points), index)
+        pieces.append(_piece(file, drawn, loop, copies_of(drawn, texts), every[marked], loops[marked], metres))
         abouts.append([texts.get(key) or texts.get(other, "") for key, other in ABOUT])
-    pieces = _sized(pieces)
+    pieces, counted = numbered(sized(pieces))
     kinds = named_all([(piece.name, *about) for piece, about in zip(pieces, abouts, strict=True)])
-    return tuple(replace(piece, what=what) for piece, what in zip(pieces, kinds, strict=True)), told
+    found = tuple(replace(piece, what=what) for piece, what in zip(pieces, kinds, strict=True))
+    return found, [*told, *nested, *counted]
 
 
 def _piece(
-    file: str, drawn: Drawn, loop: _Loop, copies: tuple[int, int] | None, sample: Drawn, there: _Loop, metres: float
+    file: str,
+    drawn: Drawn,
+    loop: SewnLine,
+    copies: tuple[int, int] | None,
+    sample: Drawn,
+    there: SewnLine,
+    metres: float,
 ) -> Piece:
     """A piece; ``sample``, with its loop, has the marks, where it has none itself."""
-    name, size = _named(drawn)
+    name, size = name_of(drawn), size_of(drawn)
     place = f'{file}: piece "{short(name)}"'
     notes = list(loop.notes)
     marks = marks_of(drawn, metres)
     if sample is not drawn:
         marks = carried(marks_of(sample, metres), there.points, loop.points) | marks
+    marks = with_cut_notches(marks, loop.notches)
     lines = {layer: [metres * line for line in found] for layer, found in drawn.lines.items()}
     edges = _edges(loop.points, corners_of(loop.points, marks, loop.ends))
     if len(edges) > MOST_EDGES:
@@ -122,91 +114,16 @@ def _piece(
         notes.append("is a half: mirrored at its fold line")
     else:
         edges, mirror = _halved(edges)
+    if re.search(PLEATED, " ".join((*drawn.texts.values(), *drawn.remarks)).lower()):
+        notes.append("its pleats are not folded: what is longer at a seam is gathered")
     told = tuple(f'piece "{short(name)}": {note}' for note in notes)
     return Piece(name, size, copies, tuple(edges), mirror, notches, inner, tuple(map(tuple, holes)), told, Named())
-
-
-def _named(drawn: Drawn) -> tuple[str, str]:
-    return _plain(drawn.said(*NAME_KEYS) or drawn.block) or "piece", _plain(drawn.said(*SIZE_KEYS))
-
-
-def _plain(text: str) -> str:
-    return re.sub(r"\s+", " ", "".join(c if c.isprintable() else " " for c in text)).strip()[:100]
-
-
-def _copies(texts: dict[str, str]) -> tuple[int, int] | None:
-    """How many are cut as drawn, and mirrored: "2" means a pair, "1,1" says so."""
-    text = next((texts[key] for key in COUNT_KEYS if texts.get(key)), "")
-    numbers = [min(int(each), 99) for each in re.findall(r"\d{1,4}", text)[:2]]
-    if re.search(PAIR, text.lower()):
-        count = max(numbers[:1] or [1])
-        return count, count
-    if not numbers or not any(numbers):
-        return None
-    if len(numbers) == 2:
-        return numbers[0], numbers[1]
-    return (numbers[0] + 1) // 2, numbers[0] // 2
-
-
-@dataclass(frozen=True, eq=False)
-class _Loop:
-    """The line to sew along [m], the ends of the lines that draw it, and loops of the cut line within it."""
-
-    points: Floats  # counter-clockwise, shape [n, 2]
-    ends: Floats
-    inner: list[Floats]
-    notes: tuple[str, ...]
-
-
-def _outline(file: str, drawn: Drawn, metres: float, allowance: float) -> _Loop:
-    """The sew line, or the cut line without the stated allowance."""
-    place, notes = f'{file}: piece "{short(_named(drawn)[0])}"', []
-    loops, within = {}, []
-    for layer in (CUT, SEW):
-        found = drawn.lines.get(layer, [])
-        closed = _closed(found, metres)
-        if layer == SEW and not closed and found:  # not drawn along the fold
-            closed = _closed([*found, *drawn.lines.get(FOLD, [])], metres)
-        if closed:
-            loops[layer] = max(closed, key=lambda loop: abs(area_of(loop)))
-            gap = gap_of([metres * line for line in found], loops[layer])
-            if gap > OPEN_GAP and layer == CUT:
-                notes.append(f"its outline was open by {1e3 * gap:.0f} mm: closed")
-            if layer == CUT:
-                half = 0.5 * area_of(loops[CUT])
-                within = [loop for loop in closed if loop is not loops[CUT] and area_of(loop) < half]
-    sewn = SEW in loops and (CUT not in loops or area_of(loops[SEW]) > 0.5 * area_of(loops[CUT]))
-    if not loops:
-        raise InputError(place, "its outline is not closed", "close the line on layer 1 (the cut line)")
-    if SEW in drawn.lines and not sewn:
-        notes.append("its sew line does not go round it: the cut line is used")
-    loop = loops[SEW] if sewn else loops[CUT]
-    ends = [metres * line[[0, -1]] for line in drawn.lines[SEW if sewn else CUT]]
-    if not sewn and allowance > 0.0:
-        inner = cleaned(inset(loop, allowance), NO_LENGTH)
-        if len(inner) < 3 or not 0.0 < area_of(inset(loop, allowance)) < area_of(loop):
-            raise InputError(place, f"is too narrow for a seam allowance of {1e3 * allowance:g} mm", "make it smaller")
-        loop, ends = inner, []
-    extent = float(np.ptp(loop, axis=0).max())
-    if not SMALLEST <= extent <= LARGEST:
-        raise InputError(place, f"is {1e3 * extent:.4g} mm across, which no piece is", "check the unit of the file")
-    if area_of(loop) < 1e-4 * extent**2:
-        raise InputError(place, "its outline has no area", "correct it")
-    if not 1 < len(ends) < 0.25 * len(loop):  # each side is a line of its own, or all are one
-        ends = []
-    return _Loop(loop, np.concatenate(ends) if ends else NO_POINTS, within, tuple(notes))
-
-
-def _closed(lines: Sequence[Floats], metres: float) -> list[Floats]:
-    """Loops that lines draw [m]."""
-    loops = [cleaned(metres * loop, NO_LENGTH) for loop in chained(lines)]
-    return [loop for loop in loops if len(loop) > 2]
 
 
 def _holes(outline: Floats, lines: Sequence[Floats], loops: Sequence[Floats], notes: list[str]) -> list[Floats]:
     """What is cut out of a piece, of lines and loops: loops counter-clockwise."""
     found: list[Floats] = []
-    drawn = _closed(lines, 1.0)
+    drawn = closed_loops(lines, 1.0)
     for loop in (*drawn, *loops):
         across = float(np.ptp(loop, axis=0).max())
         if across < SMALL_HOLE or area_of(loop) < 0.1 * SMALL_HOLE**2:
@@ -344,37 +261,3 @@ def _halved(edges: list[Chain]) -> tuple[list[Chain], tuple[int, ...] | None]:
         else:
             mirror[where[k][0]] = where[other][0]
     return parted, tuple(mirror)
-
-
-def _sized(pieces: list[Piece]) -> list[Piece]:
-    """The pieces with sizes that only their names state ("FRONT-M"), where names so end in sizes."""
-    ends = [re.match(r"^(.*\S)\s*[-_ .(]\s*([A-Za-z0-9]{1,4})\)?$", piece.name) for piece in pieces]
-    firsts = {found[1].upper() for piece in pieces if (found := _FIRST.match(piece.name))}
-    out = []
-    for piece, found in zip(pieces, ends, strict=True):
-        if found is None:
-            out.append(piece if piece.size else _size_first(piece, firsts))
-            continue
-        stem, size = found[1], found[2]
-        if piece.size:
-            named = size.lower() == piece.size.lower()
-        else:
-            of_stem = [each[2].upper() for each in ends if each is not None and each[1] == stem]
-            others = len(of_stem)
-            named = (size.upper() in SIZES and "R" not in of_stem) or (size.isdigit() and int(size) > 3 and others > 1)
-        if not named and not piece.size:
-            piece = _size_first(piece, firsts)
-        out.append(replace(piece, name=stem, size=size) if named else piece)
-    return out
-
-
-_FIRST = re.compile(r"^([A-Za-z0-9]{1,4})\s*[-_ .]\s*(.*\S)$")
-
-
-def _size_first(piece: Piece, firsts: set[str]) -> Piece:
-    """A piece whose name begins with its size ("M_FRONT"), where others begin with others."""
-    found = _FIRST.match(piece.name)
-    sizes = firsts.intersection(SIZES)
-    if found is None or found[1].upper() not in sizes or len(sizes) < 2 or sizes <= {"L", "R"}:
-        return piece
-    return replace(piece, name=found[2], size=found[1].upper())

@@ -13,6 +13,7 @@ from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, LEFT
 from warp_cloth.pattern.levels import LEVELS, WHOLE_TURN, repeated, spans
 from warp_cloth.pattern.placing_bands import band
+from warp_cloth.pattern.placing_gores import gore
 from warp_cloth.pattern.placing_sleeves import sleeve, under_sleeve
 from warp_cloth.pattern.runs import faces_of, role_of
 from warp_cloth.pattern.specification import Side
@@ -54,6 +55,7 @@ def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
         "skirt_back": lambda: _trunk(part, figure, False, _side_panel_width(parts, index)),
         "side_skirt_front": lambda: _side_panel(parts, index, figure, True),
         "side_skirt_back": lambda: _side_panel(parts, index, figure, False),
+        "gore": lambda: gore(parts, index, figure),
         "leg_front": lambda: _leg(part, figure, True),
         "leg_back": lambda: _leg(part, figure, False),
         "leg": lambda: _whole_leg(part, figure),

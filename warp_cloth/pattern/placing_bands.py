@@ -31,7 +31,7 @@ def band(
     points = np.concatenate([edge.points for edge in part.edges])
     # +x of the ring along the band, so that "up" is to its left
     along = np.array([-lengthwise[1], lengthwise[0]])
-    lower = any(each.kind.startswith(("leg", "skirt")) for each in parts)
+    lower = any(each.kind.startswith(("leg", "skirt", "gore")) for each in parts)
     below_hem = part.kind == "hem_band" or (part.kind == "waistband" and not lower)
     if _is_sewn_high(parts, joints, index, along) is (part.kind != "cuff" and not below_hem):
         along = -along  # what it is sewn to would be on its other side

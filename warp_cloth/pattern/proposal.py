@@ -46,6 +46,7 @@ def proposed_joints(parts: Sequence[Part]) -> tuple[Joint, ...]:
         *_legs(parts),
         *_hoods(parts),
         *_skirts(parts),
+        *_gores(parts),
         *_bands(parts),
     ]
     kept = _doubted(_without_conflicts(found), found)
@@ -205,6 +206,20 @@ def _skirts(parts: Sequence[Part]) -> Iterable[Joint]:
                     yield from joint_of(parts, waist, hem, "waist", (-0.02, 1.0), 0.9)
 
 
+def _gores(parts: Sequence[Part]) -> Iterable[Joint]:
+    """Each gore sewn to the next one, and all of them to a bodice, from its right side on by the back."""
+    gores = parts_of_kind(parts, "gore")
+    for gore, following in zip(gores, [*gores[1:], *gores[:1]], strict=True):
+        one, other = parts[gore].roles.get("side+", ()), parts[following].roles.get("side-", ())
+        yield from joint_of(parts, run_of(gore, one), run_of(following, other, True), "gore")
+    if gores and parts_of_kind(parts, "front", "back"):
+        waist = tuple(side for gore in gores[::-1] for side in run_of(gore, parts[gore].roles.get("waist", ())))
+        hem = _around(parts, ("front",), ("back",), "hem", True)
+        behind = tuple(side for side in hem if parts[side.panel].kind.endswith("back"))
+        ahead = tuple(side for side in hem if side not in behind)
+        yield from joint_of(parts, waist, (*behind, *ahead), "waist", (-0.02, 1.0), 0.9)
+
+
 def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
     """Collars, waistbands, cuffs and bands at the hem: round a ring of edges, their ends together."""
     for band in parts_of_kind(parts, "collar", "waistband", "cuff", "hem_band"):
@@ -257,6 +272,9 @@ def _ring(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
     }
     if all(whole.get(side) for side in (LEFT, RIGHT)):
         return (*whole[RIGHT], *whole[LEFT])  # from the middle of the back
+    gores = parts_of_kind(parts, "gore")
+    if gores:
+        return tuple(side for gore in gores for side in run_of(gore, parts[gore].roles.get("waist", ()), True))
     legs_or_skirt = _around(parts, ("leg_front", "skirt_front"), ("leg_back", "skirt_back"), "waist", False)
     return legs_or_skirt or _around(parts, ("front",), ("back",), "hem", True)
 

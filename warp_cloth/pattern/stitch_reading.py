@@ -81,6 +81,8 @@ class StitchReader:
             entry for entry in entries if isinstance(entry, list) or (isinstance(entry, Mapping) and "panel" in entry)
         ]
         rest = [entry for entry in entries if not any(entry is side for side in sides)]
+        if len(sides) > 2:
+            self.refuse(place, f"sews {len(sides)} edges together", "cloth has at most two panels at a seam: sew two")
         if len(sides) != 2 or len(rest) > 2:
             self.refuse(place, "is not a pair of edges")
         stated: bool | None = None

@@ -72,7 +72,7 @@ WORDS = (
     ),
     (
         "skirt",
-        r"skirt|rock\b|\brock|\brok\b|jupe|falda|\bsaia|gonna|spodnic|sukne|yubk|юбк|\betek|kjol|nederdel"
+        r"skirt|\bgores?\b|rock\b|rockbahn|\bbahn(en)?\b|\brock|\brok\b|jupe|falda|\bsaia|gonna|spodnic|sukne|yubk|юбк|\betek|kjol|nederdel"
         r"|hame\b|qun|裙|スカート|치마",
     ),
     (

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, field_serializer, field_validator, m
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
 from warp_cloth.material.fabric import Fabric, resolve_fabric
-from warp_cloth.pattern import DraftOptions, is_drafted
+from warp_cloth.pattern import DraftOptions, is_drafted, table_beside
 from warp_cloth.pattern.draft import Stated
 from warp_cloth.pattern.joints import StatedSeam
 from warp_cloth.scene.messages import listed, refusal, show
@@ -30,9 +30,9 @@ Place = Literal[
     "under_sleeve", "left_under_sleeve", "right_under_sleeve", "leg_front", "left_leg_front", "right_leg_front",
     "leg_back", "left_leg_back", "right_leg_back", "leg", "left_leg", "right_leg", "skirt_front", "skirt_back", "hood",
     "left_hood", "right_hood", "collar", "waistband", "hem_band", "cuff", "left_cuff", "right_cuff", "none",
-    "side_skirt_front", "side_skirt_back",
+    "side_skirt_front", "side_skirt_back", "gore",
 ]  # fmt: skip
-Copies = Annotated[Integer, Field(ge=0, le=1)]
+Copies = Annotated[Integer, Field(ge=0, le=50)]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]
 LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
 # GarmentCode simulates its designs at this: 7,000 vertices for a T-shirt and trousers, and folds of 6 cm
@@ -92,7 +92,9 @@ class PieceSpec(Table):
     name: str = Field(min_length=1, description="The piece's name in the file.")
     place: Place | None = Field(default=None, description="What it covers; by default as name and shape show.")
     copies: tuple[Copies, Copies] | None = Field(
-        default=None, description="How often it is cut as drawn, and mirrored: [1, 1] is a pair; by default as stated."
+        default=None,
+        description="How often it is cut as drawn, and mirrored: [1, 1] is a pair, [6, 0] six gores of a skirt; "
+        "by default as stated.",
     )
 
 
@@ -304,6 +306,11 @@ class GarmentSpec(Wearable):
     def file(self) -> Path | None:
         """The file that the garment comes from."""
         return self.mesh if self.mesh is not None else self.pattern
+
+    @property
+    def grade_table(self) -> Path | None:
+        """The grade rules of a DXF pattern, where they lie beside it."""
+        return table_beside(self.pattern) if self.pattern is not None and self.is_drafted else None
 
     @property
     def edge(self) -> float:

@@ -1,0 +1,110 @@
+"""What the texts of a drawn piece state: its name, its size, and how often it is cut."""
+
+from __future__ import annotations
+
+import re
+
+from warp_cloth.pattern.dxf_drawn import Drawn
+from warp_cloth.pattern.kinds import named
+
+# Keys of texts, in the languages of programs
+NAME_KEYS = (
+    *("piecename", "partname", "piece", "part", "name", "patternname", "teilename", "teilbezeichnung", "bezeichnung"),
+    *("nompiece", "nomdelapiece", "nom", "nombrepieza", "nombredelapieza", "nombre", "pieza", "nomepezzo", "nome"),
+)
+SIZE_KEYS = ("size", "sizename", "groesse", "grosse", "konfektionsgrosse", "taille", "talla", "taglia", "tamanho")
+COUNT_KEYS = (
+    "quantity",
+    "qty",
+    "pieces",
+    "cut",
+    "cutquantity",
+    "anzahl",
+    "stuckzahl",
+    "quantite",
+    "cantidad",
+    "quantita",
+    "quantidade",
+)
+NOTE_KEYS = ("annotation", "annotations", "remark", "description")
+PAIR = r"\bpairs?\b|\bpaare?\b|\bpaires?\b|\bpar(es)?\b|\bpai[ao]\b|[对对双雙]"
+PLEATED = r"\bpleat|\bfalte|kellerfalte|\bpliss|\bplis? |\bplisad|\btabla\b|\bpieghe?\b|褶|プリーツ|주름"
+ON_FOLD = r"\bon (the )?fold|\bau pli|\bbruch\b|stoffbruch|\bdoblez|\bpiega\b|对折|對折"
+# How often to cut, in words of labels ("Cut 2", "2x", "SHELL*1"), and of left and right ("L*1-R*1")
+CUT_TIMES = (
+    r"\b(?:cut|zuschneiden|schneiden|couper|cortar|tagliare)\s*:?\s*(\d{1,2})\b",
+    r"(?<![\w.,])(\d{1,2})\s*[x×](?!\s*[a-z]?\d)",
+    r"(?:\w|^)\s*[*×]\s*(\d{1,2})\b",
+    r"(?<!\w)(\d{1,2})\s*(?:mal\b|fois\b|veces\b|volte\b|times\b)",
+)
+LEFT_RIGHT = r"\bl\w{0,4}\s*[*×x=:]?\s*(\d{1,2})\b.{0,4}\br\w{0,5}\s*[*×x=:]?\s*(\d{1,2})\b"
+# A block's name with a number to cut and its place in the file, as some programs name blocks ("BACK YOKEX1-35")
+COUNTED_BLOCK = re.compile(r"^(.*\S)\s?X(\d{1,2})-(\d{1,4})$")
+NO_NAME = re.compile(r"^[\W\d]*$")
+
+
+def name_of(drawn: Drawn) -> str:
+    """The name of a piece: as stated, or its block's, or of its label what says what it is."""
+    stated = plain_text(drawn.said(*NAME_KEYS))
+    if stated:
+        return stated
+    counted = COUNTED_BLOCK.match(drawn.block)
+    block = plain_text(drawn.block if counted is None else counted[1])
+    return block or _label(drawn.remarks) or "piece"
+
+
+def _label(remarks: list[str]) -> str:
+    """The line of a label that names a piece, else its first one that is a word and no number to cut."""
+    lines = [plain_text(line) for line in remarks]
+    words = [line for line in lines if not NO_NAME.match(line) and _count(line.lower()) is None]
+    words = [line for line in words if not re.search(ON_FOLD, line.lower())]
+    telling = [line for line in words if named(line).kind]
+    return next(iter(telling or words), "")
+
+
+def size_of(drawn: Drawn) -> str:
+    return plain_text(drawn.said(*SIZE_KEYS))
+
+
+def plain_text(text: str) -> str:
+    """One line of printable characters."""
+    return re.sub(r"\s+", " ", "".join(c if c.isprintable() else " " for c in text)).strip()[:100]
+
+
+def copies_of(drawn: Drawn, texts: dict[str, str]) -> tuple[int, int] | None:
+    """How many are cut as drawn, and mirrored: "2" means a pair, "1,1" says so; None: not stated.
+
+    Args:
+        drawn: the piece.
+        texts: what it states, and what other sizes of it state.
+    """
+    text = next((texts[key] for key in COUNT_KEYS if texts.get(key)), "")
+    numbers = [min(int(each), 99) for each in re.findall(r"\d{1,4}", text)[:2]]
+    if re.search(PAIR, text.lower()):
+        count = max(numbers[:1] or [1])
+        return count, count
+    if any(numbers):
+        return (numbers[0], numbers[1]) if len(numbers) == 2 else _pair(numbers[0])
+    counted = COUNTED_BLOCK.match(drawn.block)
+    if counted is not None and int(counted[2]):
+        return _pair(int(counted[2]))
+    for note in (*(texts.get(key, "") for key in NOTE_KEYS), *drawn.remarks):
+        found = _count(note.lower())
+        if found is not None:
+            return found
+    return None
+
+
+def _pair(count: int) -> tuple[int, int]:
+    return (count + 1) // 2, count // 2
+
+
+def _count(text: str) -> tuple[int, int] | None:
+    sides = re.search(LEFT_RIGHT, text)
+    if sides is not None and int(sides[1]) + int(sides[2]) > 0:
+        return int(sides[1]), int(sides[2])
+    found = next((match for words in CUT_TIMES if (match := re.search(words, text))), None)
+    if found is None or not int(found[1]):
+        return None
+    count = int(found[1])
+    return (count, count) if re.search(PAIR, text) else _pair(count)
