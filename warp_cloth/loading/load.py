@@ -83,9 +83,9 @@ def load_mesh(
         problem = f"is too large to load ({type(error).__name__})"
         raise InputError(path, problem, "check the file, or reduce the mesh") from error
     notes = [*raw.notes, *unit.notes, *sound.notes]
-    if role == "avatar" and up is None and raw.axis_unknown and _lies(sound.points, sound.triangles):
+    if role == "avatar" and up is None and raw.axis_unknown and lies(sound.points, sound.triangles):
         notes.append(
-            'lies along z: if it should stand, set avatar.up = "z", and garment.up for a file from the same tool'
+            'lies along z: set avatar.up = "z" if it should stand (a fit stands a person up by itself), else "y"'
         )
     if raw.texcoords is not None and sound.texcoords is None:
         notes.append("texture coordinates ignored: some corners have none, or implausible ones")
@@ -107,7 +107,7 @@ def load_mesh(
     )
 
 
-def _lies(points: Floats, triangles: Ints) -> bool:
+def lies(points: Floats, triangles: Ints) -> bool:
     """Whether a body lies along z, apart from a floor that it may stand on.
 
     ``points`` [m], shape [V, 3], are all used by ``triangles``, shape [F, 3].
