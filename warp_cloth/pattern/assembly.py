@@ -54,7 +54,7 @@ def read_pattern(path: Path, options: DraftOptions | None = None, figure: Figure
         InputError: the file cannot be read, or states an impossible panel, edge or stitch.
     """
     if not is_drafted(path):
-        return read_specification(str(path), content(path))
+        return read_specification(str(path), content(path, "pattern"))
     return drafted_pattern(read_drafted(path, options), figure)
 
 
@@ -69,7 +69,7 @@ def read_drafted(path: Path, options: DraftOptions | None = None) -> Draft:
     Raises:
         InputError: ezdxf is not installed, the file cannot be read, or what is stated does not fit it.
     """
-    return read_draft(str(path), content(path), options or DraftOptions())
+    return read_draft(str(path), content(path, "pattern"), options or DraftOptions())
 
 
 @dataclass(frozen=True, eq=False)
