@@ -134,7 +134,7 @@ def _draw_pieces(file: Path, name: str, out: Path, edge: float, *, size: str | N
 
 def avatar(
     body: Annotated[
-        str, typer.Argument(help="Mesh of a body, or a scene: its file (TOML), or the name of a shipped one.")
+        str, typer.Argument(help="Mesh of a body, or mannequin, or a scene: its file (TOML), or a shipped one's name.")
     ],
     measures: Annotated[bool, typer.Option("--measures", help="Print a tailor's measures of the body.")] = False,
     colliders: Annotated[
