@@ -266,7 +266,7 @@ def write_table(rows: list[str]) -> None:
         "# A newcomer's second hour, by its ten headings",
         "",
         f"`python tests/benchmarks/newcomer_headings.py --write`: {hardware('cpu', 0)}, commit {commit()},",
-        f"{date.today()}, kernels compiled before. Seconds are a person's wait, of servers until their address is told.",
+        f"{date.today()}; kernels compiled before. Seconds are a wait, a server's until it tells its address.",
         "What is seen was looked at; what a command must print and write the script checks.",
         "",
         *titles,
