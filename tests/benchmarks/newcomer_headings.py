@@ -105,14 +105,14 @@ LINES = (
     Line(
         3,
         "warp-cloth sizes tshirt --size s,m,l --ease 4 --out sizes",
-        "three sizes on one body in a row, one marked, and a sentence that says why",
+        "three sizes on one body in a row; above them which to take, and why",
         "",
         "sizes/sizes.png",
     ),
     Line(
         4,
         "warp-cloth compare sizes/M sizes/L --out change",
-        "both figures and the change; pictures of A and B",
+        "ease, strain and gaps of both, and the change (pictures where both have maps)",
         "",
         "change/compare.json",
     ),
