@@ -112,7 +112,7 @@ LINES = (
     Line(
         4,
         "warp-cloth compare sizes/M sizes/L --out change",
-        "ease, strain and gaps of both, and the change (pictures where both have maps)",
+        "ease and strain of both, and the change (pictures where both have maps)",
         "",
         "change/compare.json",
     ),
