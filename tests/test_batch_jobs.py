@@ -172,7 +172,7 @@ def test_a_size_stands_in_the_name_of_a_garments_file(tmp_path: Path) -> None:
         ("a,hanging,silk,extra", "the row has 4 cells, the header 3"),
         ("a,hanging", "the row has 2 cells, the header 3"),
         ("a,,silk", "the row names no scene"),
-        ("../a,hanging,silk", '"../a" cannot be a file name'),
+        ("../a,hanging,silk", 'column name: "../a" cannot be a file name'),
     ],
 )
 def test_a_bad_row_is_an_item_that_says_why(tmp_path: Path, row: str, problem: str) -> None:

@@ -120,11 +120,11 @@ def test_an_interrupt_ends_with_130_and_one_line(stand_in: StandIn) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("fit",), "Missing argument"),
+        (("fit",), "Missing argument 'scene' (see warp-cloth fit --help)"),
         (("fit", "a", "b"), "unexpected extra argument"),
-        (("fit", "sphere", "--frames", "x"), "--frames"),
+        (("fit", "sphere", "--frames", "x"), "--frames: "),
         (("fit", "sphere", "--nope"), "--nope"),
-        (("no",), "no"),
+        (("no",), "No such command 'no' (see warp-cloth --help)"),
     ],
 )
 def test_wrong_usage_is_one_line_and_exit_2(

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import warp_cloth
+from warp_cloth.base import first_run
 from warp_cloth.base.first_run import FOLDER, is_first_run, kernels_known, note_kernels
 from warp_cloth.cli.warm_up import warm_up
 from warp_cloth.fitting import warm_up as warming
@@ -57,6 +58,9 @@ def test_a_first_run_is_known_until_its_kernels_are_there(tmp_path: Path, monkey
     (kernels / "wp_one").mkdir(parents=True)
     assert kernels_known("cpu")
     assert not is_first_run("cpu")
+    monkeypatch.setattr(first_run, "GPU_FILES", ("/nowhere",))
+    assert not is_first_run("cuda:0"), "no device, as the command will say"
+    monkeypatch.setattr(first_run, "GPU_FILES", (str(tmp_path),))
     assert is_first_run("cuda:0")
     monkeypatch.setenv("WARP_CACHE_PATH", "elsewhere")
     assert is_first_run("cpu")

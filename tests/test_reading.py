@@ -151,6 +151,26 @@ def test_a_body_in_inches_that_lies_down_stands_up_round_its_garment(tmp_path: P
         load_outfit(load_scene(garment, {"avatar.up": "y"}, on=tmp_path / "body.obj"))
 
 
+def test_a_body_and_its_garment_from_a_tool_with_z_up_both_stand(tmp_path: Path, tshirt: Mesh) -> None:
+    body = mannequin(SIZE_BODIES["M"])
+    z_up = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    write_obj(tmp_path / "body.obj", 100.0 * body.points @ z_up, body.triangles)
+    garment = write_panels(tmp_path / "shirt.obj", 100.0 * tshirt.points @ z_up, tshirt, 100.0)
+
+    def outfit(scene: Any, **changes: Any) -> Outfit:
+        return load_outfit(load_scene(scene, changes, on=tmp_path / "body.obj"))
+
+    stood = outfit(garment)
+    assert [choice.key for choice in stood.readings] == ["avatar.up", "garment.up"]
+    assert stood.avatar is not None
+    assert stood.avatar.points == pytest.approx(body.points, abs=1e-4)
+    assert stood.meshes[0].points == pytest.approx(tshirt.points, abs=1e-4)
+    assert [choice.key for choice in outfit("tshirt").readings] == ["avatar.up"]  # it is made for one who stands
+    assert not outfit(garment, **{"avatar.up": "y"}).readings  # what is stated stays
+    sheet = {"garment": {"shape": {"kind": "square", "height": 0.5}}}
+    assert not outfit(sheet).readings  # over a body that lies
+
+
 @pytest.mark.parametrize(("lift", "moved_to"), [(-0.15, 0.0), (0.0, 0.0), (0.15, 0.15), (0.4, 0.0)])
 def test_a_garment_for_another_stature_is_measured_from_the_shoulders(
     tshirt: Mesh, tmp_path: Path, lift: float, moved_to: float

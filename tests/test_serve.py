@@ -33,6 +33,7 @@ from services import (
 import warp_cloth
 from warp_cloth.batch.loading import LoadCache
 from warp_cloth.batch.rows import points_digest
+from warp_cloth.cli.terminal import INTERRUPTED
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.serve.answering import OrderTask, answer
 from warp_cloth.serve.catalogue import read_catalogue
@@ -302,3 +303,10 @@ def until(condition: Any, seconds: float = 20.0) -> None:
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.02)
+
+
+def test_ctrl_c_as_soon_as_the_address_is_told_ends_the_service() -> None:
+    """Before the HTTP server runs, too, which closes the queue when it ends."""
+    with running("--workers", "1") as service:
+        service.process.send_signal(signal.SIGINT)
+        assert service.process.wait(30) == INTERRUPTED

@@ -146,3 +146,15 @@ def test_what_has_no_sizes_is_refused(scene: str, sizes: list[str], overrides: l
     with pytest.raises(InputError, match=told):
         fit_sizes(scene, sizes, overrides=overrides, progress=fitted.append)
     assert not fitted
+
+
+def test_a_size_that_is_none_and_a_body_that_is_none_are_refused_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='"Q" is no size of the T-shirt; use S, M, L'):
+        fit_sizes("tshirt", ["q"])
+    (tmp_path / "body.obj").write_text("v 0 0 0\nv 0 0 nan\nv 0 1 0\nf 1 2 3\n")
+    result = CliRunner().invoke(
+        app, ["sizes", "tshirt", "--on", str(tmp_path / "body.obj"), "--out", str(tmp_path / "o")]
+    )
+    assert result.exit_code == 2
+    assert result.stderr.splitlines()[-1].startswith(f"error: {tmp_path / 'body.obj'}:2: vertex 2 is not finite")
+    assert not (tmp_path / "o").exists()

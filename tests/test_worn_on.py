@@ -111,6 +111,8 @@ def test_what_init_comments_out_is_valid(folder: Path) -> None:
         (["clot.obj", "--on", "ball.obj"], "clot.obj: no such file; did you mean cloth.obj?"),
         (["cloth.obj", "--on", "bal.obj"], "bal.obj: no such file; did you mean ball.obj?"),
         (["cloth.obj", "--on", "manequin"], "manequin: no such file; did you mean mannequin?"),
+        (["cloth.obj", "--on", "tshirt"], "tshirt: no such file; check the path or give mannequin"),
+        (["tshirt", "--frames", "-1"], "--frames: must be an integer from 0 to 10000, not -1"),
         ([".", "--on", "ball.obj"], ".: is a folder; name a mesh file in it"),
         (["a.csv", "--on", "ball.obj"], "a.csv: no such file; check the path"),
         (["cloth.obj", "--on", "a.toml"], "--on: a.toml is a scene, not a body; give a body's mesh file"),

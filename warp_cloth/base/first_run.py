@@ -67,9 +67,9 @@ def _mark(device: str | None) -> Path | None:
     folder = cache_folder()
     if folder is None:
         return None
-    kind = "cuda" if any(map(os.path.exists, GPU_FILES)) else "cpu"
-    kind = device.partition(":")[0] if device else kind
-    if kind not in ("cpu", "cuda"):  # no device, as a command will say
+    has_gpu = any(map(os.path.exists, GPU_FILES))
+    kind = device.partition(":")[0] if device else "cuda" if has_gpu else "cpu"
+    if kind not in ("cpu", "cuda") or (kind == "cuda" and not has_gpu):  # no device, as a command will say
         return None
     return folder / f"kernels-{kind}-{_kernels_version(os.environ.get('WARP_CACHE_PATH', ''))}"
 

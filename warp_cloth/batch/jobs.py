@@ -79,7 +79,7 @@ def read_jobs(path: str | Path) -> list[Item]:
     """
     source = Path(path)
     if not exists(source) or source.is_dir():
-        raise InputError(source, "no such job file", REMEDY)
+        raise InputError(source, "is a folder" if source.is_dir() else "no such job file", REMEDY)
     suffix = source.suffix.lower()
     if suffix == ".csv":
         rows: Iterable[Mapping[str, Any]] = _csv_rows(source)
@@ -236,7 +236,8 @@ def _item(row: Mapping[str, Any], number: int, folder: Path) -> Item:
     problem = str(row.get("problem", ""))
     scene = row.get("scene")
     if not PLAIN_NAME.fullmatch(name):
-        name, problem = f"row-{number}", f'"{name}" cannot be a file name; use 1 to 100 characters, without slashes'
+        problem = f'column name: "{name}" cannot be a file name; use 1 to 100 characters, without slashes'
+        name = f"row-{number}"
     if not problem and not isinstance(scene, str):
         problem = "the row names no scene; give a scene file or a shipped scene"
     cells = [(key, value) for key, value in flat(row) if key not in ("name", "problem")]

@@ -69,7 +69,8 @@ def summary(report: BatchReport) -> list[str]:
         lines.append(row("worn", f"{report.worn} of {items}" + (f"; problems: {found}" if found else "")))
     for reason, names in list(report.reasons.items())[:MOST_REASONS]:
         more = f" and {len(names) - 1:,} more" if len(names) > 1 else ""
-        lines.append(row("no result", f"{names[0]}{more}: {reason}"))
+        said = reason.removeprefix(f"{names[0]}: ")
+        lines.append(row("no result", f"{names[0]}{more}: {said}"))
     if len(report.reasons) > MOST_REASONS:
         others = len(report.reasons) - MOST_REASONS
         lines.append(f"  and {counted(others, 'more reason')}, in the column message")

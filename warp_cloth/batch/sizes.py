@@ -208,11 +208,17 @@ def fit_sizes(
             remedy = f"use no slashes; folders go before it: override garment.mesh=FOLDER/{SIZE}.obj"
             raise InputError("sizes", f'"{size}" names a folder, and cannot be part of a file name', remedy)
     chosen = _sized_scenes(scene, sizes, changes, on, fabric)  # all are read first: a mistyped size costs no fit
-    found, caches = [], Caches()
+    found, faults, caches = [], [], Caches()
     for size, sized_scene in chosen.items():
         if progress is not None:
             progress(size)
-        found.append(_fit_size(size, sized_scene, map_names, device, caches))
+        try:
+            found.append(_fit_size(size, sized_scene, map_names, device, caches))
+        except InputError as error:
+            faults.append(error)
+            found.append(unusable_size(size, str(error)))
+    if len(faults) == len(found) and len({str(fault) for fault in faults}) == 1:
+        raise faults[0]  # of the body, or of all sizes
     recommended, reason = recommendation(found, ease)
     return SizeRun(_name(scene, chosen), ease, tuple(found), recommended, reason)
 
@@ -256,6 +262,9 @@ def _sized_scenes(scene: Any, sizes: Sequence[str], changes: Sequence[str], on: 
     if not isinstance(base.garments[0].shape, TshirtShape):
         raise InputError("sizes", "nothing in the scene depends on the size", f"override garment.mesh=shirt_{SIZE}.obj")
     names = [size.upper() for size in sizes] or SIZES
+    unknown = next((size for size in names if size not in SIZES), None)
+    if unknown is not None:
+        raise InputError("sizes", f'"{unknown}" is no size of the T-shirt', f"use {', '.join(SIZES)}")
     return {size: load(size, [*changes, f"{first}.shape.size={size}"]) for size in names}
 
 
@@ -274,11 +283,7 @@ def _graded(scene: Scene) -> tuple[str, ...]:
 
 
 def _fit_size(size: str, scene: Scene, maps: Sequence[str], device: str | None, caches: Caches) -> SizeFit:
-    try:
-        worn = fit_loaded(lambda: scene, device, caches, maps=maps)
-    except InputError as error:
-        return unusable_size(size, str(error))
-    return measured_size(size, worn)
+    return measured_size(size, fit_loaded(lambda: scene, device, caches, maps=maps))
 
 
 def unusable_size(size: str, message: str) -> SizeFit:

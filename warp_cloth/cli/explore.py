@@ -14,7 +14,7 @@ import typer
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device
-from warp_cloth.cli.terminal import can_plot, one_line_errors, output_folder
+from warp_cloth.cli.terminal import NOT_WORN, can_plot, one_line_errors, output_folder
 from warp_cloth.report.rows import note_rows, wrote_rows
 
 
@@ -134,7 +134,7 @@ def _draw_pieces(file: Path, name: str, out: Path, edge: float, *, size: str | N
 
 def avatar(
     body: Annotated[
-        str, typer.Argument(help="Mesh of a body, or a scene: its file (TOML), or the name of a shipped one.")
+        str, typer.Argument(help="Mesh of a body, or mannequin, or a scene: its file (TOML), or a shipped one's name.")
     ],
     measures: Annotated[bool, typer.Option("--measures", help="Print a tailor's measures of the body.")] = False,
     colliders: Annotated[
@@ -153,23 +153,29 @@ def avatar(
     """Show what is understood of a body: its limbs, its pose and a tailor's measures.
 
     \b
+    Exit status: 0; 2 bad input; 3 there are no measures, as limbs cannot be told.
+
+    \b
     warp-cloth avatar body.obj --measures
     warp-cloth avatar tshirt --set avatar.shape.stature=1.9
     warp-cloth avatar scene.toml --colliders --out colliders
     """
     with one_line_errors():
+        measured = True
         if colliders:
             lines, paths = _compare_colliders(body, device, out, changes or [], plots)
         else:
-            lines, paths = _understand(body, measures, device, out, changes or [])
+            lines, paths, measured = _understand(body, measures, device, out, changes or [])
     for line in [*lines, *wrote_rows(paths)]:
         typer.echo(line)
+    if measures and not measured:
+        raise typer.Exit(NOT_WORN)
 
 
 def _understand(
     body: str, measures: bool, device: str | None, out: Path, changes: list[str]
-) -> tuple[list[str], list[Path]]:
-    """Lines to print and files written of a body's limbs, pose and measures."""
+) -> tuple[list[str], list[Path], bool]:
+    """Lines to print and files written of a body's limbs, pose and measures, and whether there are measures."""
     from warp_cloth.garment.outfit import load_avatar
     from warp_cloth.scene import load_scene
     from warp_cloth.scene.load import scene_of_body
@@ -185,7 +191,7 @@ def _understand(
 
         where = device_named(device)
         person = understand(replace(load_avatar(chosen), name=chosen.name))
-        return body_lines(person, measures), save_body(person, out, device=where)
+        return body_lines(person, measures), save_body(person, out, device=where), bool(person.measures)
 
 
 def _compare_colliders(

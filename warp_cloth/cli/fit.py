@@ -73,7 +73,7 @@ def fit(
     warp-cloth fit tshirt --set garment.shape.size=L --maps all --colour gap
     warp-cloth fit stage.usda --set garment.prim=/shirt --set avatar.prim=/body
     """
-    with one_line_errors("on", "fabric"):
+    with one_line_errors("on", "fabric", "frames"):
         clock = command_clock()
         if is_first_run(device):
             print(FIRST_RUN, file=sys.stderr, flush=True)  # before what is imported takes its time

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -57,8 +58,19 @@ def main() -> None:
         if type(error).__name__ == "NoArgsIsHelpError":
             print(error.format_message(), file=sys.stderr)
         else:
-            print_error(f"{error.format_message().rstrip('.')} (see warp-cloth --help)")
+            print_error(_usage(error))
     sys.exit(code)
+
+
+def _usage(error: Any) -> str:
+    """What is wrong with a command as it was typed, by its option, and where to read more."""
+    names = [each.callback.__name__.replace("_", "-") for each in app.registered_commands if each.callback is not None]
+    message = error.format_message().rstrip(".")
+    option = re.fullmatch(r"Invalid value for '(--[\w-]+)[^']*': (.*?)(?:, unable to parse.*)?", message)
+    if option is not None:
+        message = f"{option[1]}: {option[2].replace('Input should be', 'must be')}"
+    command = getattr(getattr(error, "ctx", None), "info_name", None)
+    return f"{message} (see warp-cloth {f'{command} ' if command in names else ''}--help)"
 
 
 def _show_version(requested: bool) -> None:

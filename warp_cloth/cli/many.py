@@ -145,4 +145,4 @@ def sizes(
     for line in wrote_rows(paths):
         typer.echo(line)
     if all(each.status == "invalid" for each in run.sizes):
-        raise typer.Exit(1)
+        raise typer.Exit(BAD_INPUT)

@@ -21,16 +21,18 @@ def warm_up(device: Device = None) -> None:
     warp-cloth warm-up --device cpu
     """
     with one_line_errors():
-        typer.echo("compiling kernels: about a minute", err=True)  # before what is imported takes its time
         start_warp()
         import warp as wp
 
         from warp_cloth.base.device import device_named
+
+        chosen = [] if device is None else [device_named(device)]
+        typer.echo("compiling kernels: about a minute", err=True)  # before what is imported takes its time
         from warp_cloth.base.first_run import cache_folder
         from warp_cloth.fitting.warm_up import warm_up as warm
 
         first_gpu = ["cuda:0"] if wp.get_cuda_device_count() else []
-        for name in ["cpu", *first_gpu] if device is None else [device_named(device)]:
+        for name in chosen or ["cpu", *first_gpu]:
             began = time.perf_counter()
             warm(name, lambda kind, name=name: typer.echo(f"{name}: {kind}", err=True))  # type: ignore[misc]
             typer.echo(f"{name} is ready after {time.perf_counter() - began:.0f} s")

@@ -38,7 +38,7 @@ def read_photograph(path: Path) -> Photograph:
     """
     try:
         if not path.is_file():
-            raise InputError(path, "no such photograph", "check the path")
+            raise InputError(path, "is a folder" if path.is_dir() else "no such photograph", "check the path")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path) as file:

@@ -28,7 +28,9 @@ def fit_html(fit: FitResult) -> str:
         return text
     image.save(data, format="PNG")
     picture = base64.b64encode(data.getvalue()).decode("ascii")
-    return f'{text}<img alt="front, side and back" width="{SIZE[0]}" src="data:image/png;base64,{picture}">'
+    narrow = "max-width: 100%; height: auto"  # in a cell narrower than the picture
+    size = f'width="{SIZE[0]}" style="{narrow}"'
+    return f'{text}<img alt="front, side and back" {size} src="data:image/png;base64,{picture}">'
 
 
 def _ease(line: str) -> str:

@@ -22,7 +22,7 @@ from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.measured_body import measured_mannequin
 from warp_cloth.garment.mistaken import refuse_bodies
 from warp_cloth.garment.pins import select_pins
-from warp_cloth.garment.reading import cloths_of, read_again, read_body_again, with_doubts
+from warp_cloth.garment.reading import cloths_of, read_again, read_body_again, stand_up, with_doubts
 from warp_cloth.garment.rest import RestGeometry, RestOptions, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
 from warp_cloth.loading import Placement, check_sizes, load_mesh_once, load_poses, without_area
@@ -124,6 +124,7 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     meshes = [cache.make(recipe) for recipe in mesh_recipes(scene)]
     worn, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
     keyed = list(zip(scene.garment_keys, worn, strict=True))
+    find_skeleton = partial(_skeleton, scene, avatar, cache)
     try:
         check_sizes(keyed, avatar)
     except InputError:
@@ -131,9 +132,13 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
         wearing = _wearing(scene, garments, avatar, cache)
         outfit = _read_as(*read_again(scene, cloths_of(worn, garments, wearing)), cache)
         outfit = outfit or _read_as(*read_body_again(scene, keyed, avatar), cache)
+        outfit = outfit or _read_as(*stand_up(scene, keyed, avatar, find_skeleton), cache)
         if outfit is None:
             raise
         return outfit
+    standing = _read_as(*stand_up(scene, keyed, avatar, find_skeleton), cache)
+    if standing is not None:
+        return standing
     refuse_bodies(keyed, avatar)
     garments, predrape_scene = _garments(scene, worn, cache), predrape_scene_of(scene)
     poses: tuple[Points, ...] = ()
@@ -189,9 +194,7 @@ def _wearing(
     """The openings of each garment on a body that does not move, from the cache where they are known in any fabric."""
     if avatar is None:
         return (None,) * len(garments)
-    body = avatar_recipe(scene)[0].key[1:]
-    skeleton = mesh_cache.get(("skeleton", *body), partial(skeleton_of, avatar))
-
+    body, skeleton = avatar_recipe(scene)[0].key[1:], _skeleton(scene, avatar, mesh_cache)
     if skeleton is None:
         return (None,) * len(garments)
     keys = (garment_keys(scene, index).geometry for index in range(len(garments)))
@@ -199,6 +202,12 @@ def _wearing(
         mesh_cache.get(("wearing", *body, *key[1:]), partial(_worn_by, garment, skeleton))
         for key, garment in zip(keys, garments, strict=True)
     )
+
+
+def _skeleton(scene: Scene, avatar: Mesh | None, mesh_cache: MeshCache) -> Skeleton | None:
+    if avatar is None:
+        return None
+    return mesh_cache.get(("skeleton", *avatar_recipe(scene)[0].key[1:]), partial(skeleton_of, avatar))
 
 
 def _garments(scene: Scene, meshes: Sequence[Mesh], mesh_cache: MeshCache) -> tuple[Garment, ...]:

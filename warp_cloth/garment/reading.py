@@ -6,7 +6,7 @@ the garment's cut, which tells its front.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -14,14 +14,16 @@ from itertools import combinations
 import numpy as np
 
 from warp_cloth.anatomy.linking import Wearing
+from warp_cloth.anatomy.skeleton import Skeleton
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.units import METRES_PER, LengthUnit
 from warp_cloth.garment.front import CERTAIN, DOUBTFUL, Front, front_of
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
-from warp_cloth.loading import AXIS_UNKNOWN, Placement, fitting_reading, from_z_up, was_guessed
-from warp_cloth.scene import GarmentSpec, Scene
+from warp_cloth.loading import AXIS_UNKNOWN, Placement, fitting_reading, from_z_up, lies, was_guessed
+from warp_cloth.scene import GarmentSpec, Scene, TshirtShape
+from warp_cloth.scene.wearables import Wearable
 
 Value = str | tuple[float, float, float]
 Change = tuple[dict[str, Value], str]  # keys of a garment, and why
@@ -35,6 +37,7 @@ APART = 0.12  # of the body's span; that far they are from each other at least
 TURNED = 45.0  # [degrees] from the body's left, beyond which a garment is turned
 SQUARE, QUARTER = 5.0, 90.0  # [degrees]; so near to a quarter turn, it is one
 NEARER = 0.5  # times as far from the limbs, another reading is the right one
+HEAD_UP = 0.85  # cosine of 30 degrees, rounded, between a trunk and z, of a body in a file with z up
 BESIDE = 0.1  # [m] from the body's middle, from where on a garment may be beside it
 
 
@@ -118,13 +121,55 @@ def read_body_again(
     return scene.model_copy(update={"avatar": spec.model_copy(update=changes)}), choices
 
 
+def stand_up(
+    scene: Scene, garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None, skeleton: Callable[[], Skeleton | None]
+) -> tuple[Scene, list[Choice]]:
+    """The scene with a person standing who lies along z, head towards +z, as in a z-up file, and garments round it.
+
+    Else the same scene: what its author states stays, and a body lies where a garment round it states its own axis, or
+    is a sheet of cloth.
+    """
+    spec = scene.avatar
+    if (
+        spec is None
+        or avatar is None
+        or not _may_have_z_up(spec)
+        or not lies(avatar.points, avatar.triangles.astype(np.int64))
+    ):
+        return scene, []
+    person = skeleton()
+    if person is None or person.up[2] < HEAD_UP:
+        return scene, []
+    low, high = avatar.points.min(axis=0), avatar.points.max(axis=0)
+    reason = "a person would lie along z"
+    choices, specs = [Choice("avatar.up", "z", reason)], list(scene.garments)
+    for index, (worn, (key, mesh)) in enumerate(zip(scene.garments, garments, strict=True)):
+        if worn.mesh is None:
+            if worn.shape is not None and not isinstance(worn.shape, TshirtShape):
+                return scene, []
+            continue
+        middle = (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2.0
+        if not ((low <= middle) & (middle <= high)).all():
+            continue
+        if not _may_have_z_up(worn) or _is_placed(worn):
+            return scene, []
+        specs[index] = worn.model_copy(update={"up": "z"})
+        choices.append(Choice(f"{key}.up", "z", f"{reason} in it"))
+    changes = {"avatar": spec.model_copy(update={"up": "z"}), "garments": tuple(specs)}
+    return scene.model_copy(update=changes), choices
+
+
+def _may_have_z_up(spec: Wearable) -> bool:
+    return spec.up is None and spec.mesh is not None and spec.mesh.suffix.lower() in AXIS_UNKNOWN
+
+
 def _is_placed(spec: GarmentSpec) -> bool:
     return any(spec.translate) or any(spec.rotate)
 
 
 def _scaled_or_stood_up(spec: GarmentSpec, mesh: Mesh, wearing: Wearing) -> Change | None:
     """Another unit or up axis, in which openings are round their limbs, or near them, that are not as it was read."""
-    may_stand = spec.up is None and spec.mesh is not None and spec.mesh.suffix.lower() in AXIS_UNKNOWN
+    may_stand = _may_have_z_up(spec)
     readings: list[tuple[dict[str, Value], Points, str]] = []
     if may_stand:
         stood = from_z_up(wearing.start)

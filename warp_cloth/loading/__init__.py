@@ -1,6 +1,6 @@
 """Meshes from files: OBJ, PLY, STL, GLB/glTF and USD, checked, repaired and in metres."""
 
-from warp_cloth.loading.load import AXIS_UNKNOWN, SUPPORTED, from_z_up, load_mesh
+from warp_cloth.loading.load import AXIS_UNKNOWN, SUPPORTED, from_z_up, lies, load_mesh
 from warp_cloth.loading.placement import Placement
 from warp_cloth.loading.poses import load_poses
 from warp_cloth.loading.repair import without_area
@@ -14,6 +14,7 @@ __all__ = [
     "check_sizes",
     "fitting_reading",
     "from_z_up",
+    "lies",
     "load_mesh",
     "load_mesh_once",
     "load_poses",

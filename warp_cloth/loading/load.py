@@ -83,9 +83,9 @@ def load_mesh(
         problem = f"is too large to load ({type(error).__name__})"
         raise InputError(path, problem, "check the file, or reduce the mesh") from error
     notes = [*raw.notes, *unit.notes, *sound.notes]
-    if role == "avatar" and up is None and raw.axis_unknown and _lies(sound.points, sound.triangles):
+    if role == "avatar" and up is None and raw.axis_unknown and lies(sound.points, sound.triangles):
         notes.append(
-            'lies along z: if it should stand, set avatar.up = "z", and garment.up for a file from the same tool'
+            'lies along z: set avatar.up = "z" if it should stand (a fit stands a person up by itself), else "y"'
         )
     if raw.texcoords is not None and sound.texcoords is None:
         notes.append("texture coordinates ignored: some corners have none, or implausible ones")
@@ -107,7 +107,7 @@ def load_mesh(
     )
 
 
-def _lies(points: Floats, triangles: Ints) -> bool:
+def lies(points: Floats, triangles: Ints) -> bool:
     """Whether a body lies along z, apart from a floor that it may stand on.
 
     ``points`` [m], shape [V, 3], are all used by ``triangles``, shape [F, 3].
@@ -194,19 +194,19 @@ def from_z_up(points: Floats) -> Floats:
     return points[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
 
 
-def content(path: Path) -> bytes:
-    """All bytes of a file.
+def content(path: Path, what: str = "mesh") -> bytes:
+    """All bytes of a file of a mesh, or of ``what`` it is.
 
     Raises:
         InputError: it is missing, unreadable or empty.
     """
     try:
         if path.is_dir():
-            raise InputError(path, "is a folder", "name a mesh file in it")
+            raise InputError(path, "is a folder", f"name a {what} file in it")
         if not path.exists():
             raise InputError(path, *_missing(path))
         if not path.is_file():
-            raise InputError(path, "is not a regular file", "name a mesh file")
+            raise InputError(path, "is not a regular file", f"name a {what} file")
         data = path.read_bytes()
     except InputError:
         raise
@@ -216,7 +216,7 @@ def content(path: Path) -> bytes:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(path, f"cannot be opened: {reason}", "check the path") from None
     if not data:
-        raise InputError(path, "the file is empty", "export the mesh again")
+        raise InputError(path, "the file is empty", f"export the {what} again")
     return data
 
 
@@ -229,10 +229,10 @@ def _missing(path: Path) -> tuple[str, str]:
     if "\\" in str(path) and Path(str(path).replace("\\", "/")).exists():
         return "no such file", f"write {str(path).replace(chr(92), '/')}, with /, which works on every system"
     if not path.parent.is_dir():
-        return "no such file: its folder does not exist", "check the path; it is relative to the scene file"
+        return "no such file: its folder does not exist", "check the path; in a scene file it is relative to that file"
     names = [entry.name for entry in path.parent.iterdir() if entry.is_file()]
     close = difflib.get_close_matches(path.name, names, n=3, cutoff=0.6)
     close += [n for n in names if Path(n).stem == path.stem and Path(n).suffix.lower() in SUPPORTED and n not in close]
     if not close:
-        return "no such file", "check the path; it is relative to the scene file"
+        return "no such file", "check the path; in a scene file it is relative to that file"
     return "no such file", f"did you mean {' or '.join(close[:3])}?"

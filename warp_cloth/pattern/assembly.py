@@ -55,7 +55,7 @@ def read_pattern(path: Path, options: DraftOptions | None = None, figure: Figure
         InputError: the file cannot be read, or states an impossible panel, edge or stitch.
     """
     if not is_drafted(path):
-        return read_specification(str(path), content(path))
+        return read_specification(str(path), content(path, "pattern"))
     return drafted_pattern(read_drafted(path, options), figure)
 
 
@@ -71,8 +71,8 @@ def read_drafted(path: Path, options: DraftOptions | None = None) -> Draft:
         InputError: ezdxf is not installed, the file cannot be read, or what is stated does not fit it.
     """
     rules = table_beside(path)
-    table = None if rules is None else read_grade_table(str(rules), content(rules))
-    return read_draft(str(path), content(path), options or DraftOptions(), table)
+    table = None if rules is None else read_grade_table(str(rules), content(rules, "grade rule"))
+    return read_draft(str(path), content(path, "pattern"), options or DraftOptions(), table)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import CutShort
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
 from warp_cloth.model.next_attempt import MOST_ITERATIONS
@@ -45,7 +46,7 @@ def _not_at_rest(of: JudgedScene) -> FitProblem:
         "growing_mm": 1e3 * check.growing,
     }
     missed, name, vertices = ", ".join(limits_missed(check, of.tolerance)), "", np.zeros(0, dtype=np.int64)
-    sentence = f"Not at rest after {of.outcome.iterations:,} iterations{_stalled(of)}: {missed}"
+    sentence = f"Not at rest after {counted(of.outcome.iterations, 'iteration')}{_stalled(of)}: {missed}"
     moved = of.outcome.moved
     if moved is not None and np.isfinite(moved).all() and moved.max(initial=0.0) > 0.0:
         most = max(of.garments, key=lambda judged: float(moved[judged.vertices].max(initial=0.0)))

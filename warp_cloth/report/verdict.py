@@ -24,11 +24,12 @@ def is_worn(status: Status, problems: Sequence[FitProblem]) -> bool:
 def verdict(outcome: Outcome, problems: Sequence[FitProblem]) -> str:
     """How a fit ended, then what is wrong and the remedy of what is the likeliest cause."""
     reported = [problem for problem in problems if not problem.code.is_note] or list(problems)
-    rest = f"At rest after {outcome.iterations:,} iterations"
+    rest = f"At rest after {counted(outcome.iterations, 'iteration')}"
     if outcome.status is not Status.AT_REST:
         reported.sort(key=lambda problem: problem.code not in OF_STATUS)  # how it ended, then why
         if not reported:
-            return f"{outcome.status.value.replace('_', ' ').capitalize()} after {outcome.iterations:,} iterations."
+            ended = outcome.status.value.replace("_", " ").capitalize()
+            return f"{ended} after {counted(outcome.iterations, 'iteration')}."
     elif is_worn(outcome.status, problems):
         rest += (
             f": forces balance to {100 * outcome.check.residual.relative_rms:.2g} %, and the shape is within "

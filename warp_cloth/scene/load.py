@@ -21,6 +21,7 @@ from warp_cloth.scene.paths import file_stem
 from warp_cloth.scene.schema import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, stage_values
 from warp_cloth.scene.worn_on import (
+    MANNEQUIN,
     MESH_SUFFIXES,
     PATTERN_SUFFIXES,
     body_named,
@@ -87,15 +88,15 @@ def load_scene(
 
 
 def scene_of_body(source: str, overrides: Sequence[str] = ()) -> Scene | None:
-    """The scene of a body alone, from its mesh file; None where ``source`` is no mesh.
+    """The scene of a body alone, from its mesh file, or of the mannequin; None where ``source`` is neither.
 
     A scene has a garment: a square of cloth stands in for it. ``overrides`` as for ``load_scene``.
     """
     path = Path(source)
-    if path.suffix.lower() not in MESH_SUFFIXES:
+    if path.suffix.lower() not in MESH_SUFFIXES and (source != MANNEQUIN or exists(path)):
         return None
     cloth = {"shape": {"kind": "square"}, "fabric": "cotton"}
-    return load_scene({"name": path.stem, "avatar": {"mesh": source}, "garment": cloth}, overrides)
+    return load_scene({"name": path.stem, "avatar": body_named(source)[0], "garment": cloth}, overrides)
 
 
 def _read(source: Any, on: Any, fabric: Any) -> _Source:

@@ -86,4 +86,5 @@ def missing_file(path: Path, *others: str) -> InputError:
     if exists(path.parent) and path.parent.is_dir():
         names = [entry.name for entry in path.parent.iterdir() if entry.is_file()]
     close = difflib.get_close_matches(path.name, names, n=1, cutoff=0.6)
-    return InputError(path, "no such file", f"did you mean {path.with_name(close[0])}?" if close else "check the path")
+    remedy = " or ".join(["check the path", *(f"give {other}" for other in others)])
+    return InputError(path, "no such file", f"did you mean {path.with_name(close[0])}?" if close else remedy)

@@ -68,7 +68,11 @@ class Service:
         order = Order(product.name, {size: (offer.scene, offer.changes)}, (), self.folder(), 0.0, (), "none")
         waiting = self.dispatcher.submit(order, seconds=float("inf"))
         if waiting is not None:
-            waiting.future.add_done_callback(lambda future: _report_warm_up(future.result()))
+            waiting.future.add_done_callback(lambda future: self._report_warm_up(future.result()))
+
+    def _report_warm_up(self, reply: Reply) -> None:
+        if reply.status != HTTPStatus.OK and not self.ending:
+            log.warning("the first product cannot be fitted on its own body: %s", reply.content.decode())
 
     async def end(self) -> None:
         """Refuses what waits, and ends the workers."""
@@ -146,11 +150,6 @@ class Service:
             refused=self.refused,
             restarts=counts.restarts,
         )
-
-
-def _report_warm_up(reply: Reply) -> None:
-    if reply.status != HTTPStatus.OK:
-        log.warning("the first product cannot be fitted on its own body: %s", reply.content.decode())
 
 
 async def _gone(request: Request) -> None:

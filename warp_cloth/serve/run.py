@@ -60,19 +60,22 @@ def serve(
 
         dispatcher = Dispatcher(devices, limits, scratch)
         dispatcher.start()
-        service = Service(catalogue, dispatcher, limits, scratch, ", ".join(dict.fromkeys(devices)))
+        try:
+            service = Service(catalogue, dispatcher, limits, scratch, ", ".join(dict.fromkeys(devices)))
 
-        class Server(uvicorn.Server):
-            async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-                """Refuses what waits first: uvicorn waits until every request has been answered."""
-                await service.end()
-                await super().shutdown(sockets)
+            class Server(uvicorn.Server):
+                async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+                    """Refuses what waits first: uvicorn waits until every request has been answered."""
+                    await service.end()
+                    await super().shutdown(sockets)
 
-        address = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
-        show(f"serving {', '.join(catalogue)} on {address}; {address}/docs explains it; Ctrl-C ends it")
-        signal.signal(signal.SIGTERM, _end)  # uvicorn raises the signal again once it has ended
-        config = uvicorn.Config(make_app(service), log_level="warning", access_log=False, server_header=False)
-        Server(config).run([listener])
+            address = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
+            show(f"serving {', '.join(catalogue)} on {address}; {address}/docs explains it; Ctrl-C ends it")
+            signal.signal(signal.SIGTERM, _end)  # uvicorn raises the signal again once it has ended
+            config = uvicorn.Config(make_app(service), log_level="warning", access_log=False, server_header=False)
+            Server(config).run([listener])
+        finally:
+            dispatcher.close()  # interrupted before uvicorn ran, workers would be waited for without end
 
 
 def _end(number: int, _: object) -> None:
