@@ -131,9 +131,9 @@ def _alone(scene: Scene, outfit: Outfit, index: int) -> tuple[Scene, Outfit]:
 def _sewn_and_carried(
     scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock, watching: bool, lifted: bool
 ) -> _PosedStart:
-    dressing = _Dressing(scene, outfit, device, offset, clock, watching=watching)
+    dressing = _Dressing(scene, outfit, device, offset, clock, lifted=lifted, watching=watching)
     dressing.sew()
-    if dressing.is_trousers:
+    if dressing.is_pulled_on:
         dressing.pull_on()
         dressing.come_home()
         return dressing.ended()
@@ -154,7 +154,7 @@ class _Dressing:
     """A garment that is sewn round the posed avatar and carried home."""
 
     def __init__(
-        self, scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock, *, watching: bool
+        self, scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock, *, lifted: bool, watching: bool
     ) -> None:
         (wearing,), avatar = outfit.wearing, outfit.avatar
         if wearing is None or avatar is None:
@@ -173,8 +173,9 @@ class _Dressing:
             trunk = self._body.trunk_up_to(limbs[LEGS[0]][0])
         self._posed = [*limbs, trunk]
         self.could_slide = has_armholes and self._body.away(ARMS) is not None
-        self.is_trousers = wearing.has_legs and wearing.hangs_from_waist
-        self._away = self._body.away([*(ARMS if has_armholes else ()), *(LEGS if wearing.has_legs else ())])
+        self.is_pulled_on = wearing.has_legs and wearing.hangs_from_waist and not lifted
+        last_home = [*(ARMS if has_armholes else ()), *(LEGS if wearing.has_legs and not lifted else ())]
+        self._away = self._body.away(last_home)
         self._surface, self._slid = self._body.points(self._posed, THIN), self._body.slid(self._posed)
         sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)

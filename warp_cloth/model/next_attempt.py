@@ -129,7 +129,7 @@ def _last_resort(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     if torn and stated.avatar is not None and slid < len(SLIDES):
         most = max(torn, key=lambda each: each.rank)
         return _sliding(most.attempt, history.index(most), len(SLIDES) if slid else 1)
-    may_lift = any(wearing is not None and not wearing.hangs_from_waist for wearing in outfit.wearing)
+    may_lift = any(wearing is not None and not wearing.is_skirt for wearing in outfit.wearing)
     is_torn = best.torn > 0 or best.misplaced
     posed = [each.attempt for each in history if each.attempt.posed]
     if is_torn and may_lift and posed and not any(attempt.lifted for attempt in posed):
