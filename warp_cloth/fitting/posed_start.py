@@ -154,7 +154,15 @@ class _Dressing:
     """A garment that is sewn round the posed avatar and carried home."""
 
     def __init__(
-        self, scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock, *, lifted: bool, watching: bool
+        self,
+        scene: Scene,
+        outfit: Outfit,
+        device: str,
+        offset: float,
+        clock: StageClock,
+        *,
+        lifted: bool,
+        watching: bool,
     ) -> None:
         (wearing,), avatar = outfit.wearing, outfit.avatar
         if wearing is None or avatar is None:
