@@ -205,7 +205,8 @@ class Wearing:
     def shift(self) -> Points:
         """What moves the garment onto the body that it starts beside [m], shape [3]; else 0.
 
-        Across, so that the trunk passes through the middle of its openings, where it does not or is far from there. Up
+        Across, so that the trunk passes through the middle of its openings, where it does not or is far from there, and
+        the neck through the neckline, where cloth is on both sides of the head. Up
         and down so that it lies on the shoulders, where it has any and is far from that, or its neckline would be sewn
         over the head or below the arms. Else only where a waist is far from the body's and not round its trunk, since
         where trousers begin is their designer's choice.
@@ -218,6 +219,7 @@ class Wearing:
         is_wrong = any(id(opening) in wrong for opening in self._round_trunk)
         if is_wrong or float(np.linalg.norm(self.across)) > FAR_TRUNK * skeleton.span:
             shift = shift + self.across
+        shift = shift + self._onto_neck(points + shift)
         if above := height_over_shoulders(self.limbs, points + shift, self.triangles, skeleton):
             is_round_head = above > NECK and HEAD in self.pierced(points + shift)
             is_under = above < 0.0 and any(HEAD in each.wanted for each in self.misplaced_at_start)
@@ -231,6 +233,21 @@ class Wearing:
             up = -max(float((middle - skeleton.middle) @ skeleton.up) for middle in middles)
             shift = shift + skeleton.up * (up if abs(up) > FAR_WAIST else 0.0)
         return shift
+
+    def _onto_neck(self, points: Points) -> Points:
+        """What moves a neckline that starts before or behind the neck round it, across [m], shape [3].
+
+        0 where the head is within it, or the cloth would be on both sides of the head there, too.
+        """
+        necklines = [each for each, limbs in zip(self.openings, self.limbs, strict=True) if limbs == (HEAD,)]
+        if not necklines or HEAD not in self.pierced(points):
+            return np.zeros(3)
+        up, head = self.skeleton.up, self.skeleton.curves[HEAD]
+        centre = points[necklines[0].loop].mean(axis=0)
+        height = (head - centre) @ up
+        off = head[int(np.abs(height).argmin())] - centre
+        across: Points = off - up * (off @ up)
+        return across if HEAD not in self.pierced(points + across) else np.zeros(3)
 
     @cached_property
     def _round_trunk(self) -> list[Opening]:
