@@ -11,7 +11,7 @@ import pytest
 from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import ARMS, LEGS
 from warp_cloth.anatomy.raising import LEGS_AWAY, spread_leg
-from warp_cloth.anatomy.skeleton import LEFT_ARM
+from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.dressing.panels import CLOSED, legs_parted, skirt_closed
 from warp_cloth.dressing.routes import Route, _is_armhole, curves_of
@@ -160,3 +160,26 @@ def test_legs_are_spread_to_their_own_sides() -> None:
     np.testing.assert_allclose(right, left * [-1.0, 1.0, 1.0], atol=1e-12)
     way = left[-1] - left[1]
     assert np.arctan2(way[0], -way[1]) == pytest.approx(LEGS_AWAY)
+
+
+def test_a_neckline_that_starts_behind_the_neck_is_moved_round_it() -> None:
+    """A tube round a head that is held forward: cloth on both sides of it, until the tube is moved across."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    rows = [
+        ring_at + 0.1 * np.stack([np.cos(angles), 0.0 * angles, np.sin(angles)], 1)
+        for ring_at in ([0, 1.4, 0.0], [0, 1.5, 0.0])
+    ]
+    points = np.concatenate(rows)
+    step = np.arange(24)
+    after = (step + 1) % 24
+    triangles = np.concatenate([np.stack([step, after, step + 24], 1), np.stack([after, after + 24, step + 24], 1)])
+    leaning = np.array([[0.0, 1.3, 0.0], [0.0, 1.43, 0.07], [0.0, 1.5, 0.15], [0.0, 1.7, 0.15]])
+    away = np.array([[5.0, 0.0, 0.0], [5.0, 1.0, 0.0]])
+    body = SimpleNamespace(up=np.array([0.0, 1.0, 0.0]), curves=[leaning, away, away, away, away])
+    opening = SimpleNamespace(loop=step + 24)
+    wearing = Wearing((opening,), ((HEAD,),), triangles, body, points, points)  # type: ignore[arg-type]
+    assert wearing.pierced(points) == (HEAD,)
+    moved = wearing._onto_neck(points)
+    np.testing.assert_allclose(moved, [0.0, 0.0, 0.15], atol=1e-12)
+    assert wearing.pierced(points + moved) == ()
+    np.testing.assert_array_equal(wearing._onto_neck(points + moved), np.zeros(3))

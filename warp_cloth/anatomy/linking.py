@@ -206,10 +206,10 @@ class Wearing:
         """What moves the garment onto the body that it starts beside [m], shape [3]; else 0.
 
         Across, so that the trunk passes through the middle of its openings, where it does not or is far from there, and
-        the neck through the neckline, where cloth is on both sides of the head. Up
-        and down so that it lies on the shoulders, where it has any and is far from that, or its neckline would be sewn
-        over the head or below the arms. Else only where a waist is far from the body's and not round its trunk, since
-        where trousers begin is their designer's choice.
+        the neck through the neckline, where cloth is on both sides of the head. Up and down so that it lies on the
+        shoulders, where it has any and is far from that, or its neckline would be sewn over the head or below the arms.
+        Else only where a waist is far from the body's and not round its trunk, since where trousers begin is their
+        designer's choice.
         """
         skeleton, points = self.skeleton, self.followed
         wrong = {id(each.opening) for each in self.misplaced_at_start}
