@@ -31,6 +31,8 @@ from typing import Any
 import pyarrow.parquet
 from measured import Figures, add_write_option
 
+from warp_cloth.cli.terminal import NOT_WORN
+
 FABRICS = ("cotton", "denim", "faille", "felt", "jersey", "linen", "polyester", "silk", "wool")
 GARMENTS = (("L", 20), ("S", 17), ("M", 14), ("L", 14), ("M", 12), ("L", 12), ("M", 10), ("L", 10), ("S", 9), ("M", 9),
             ("M", 8))  # size and edge [mm]  # fmt: skip
@@ -63,6 +65,7 @@ class Run:
         work = sum(v * i for v, i in zip(vertices, iterations, strict=True))
         statuses = Counter(row["status"] for row in self.rows.values())
         figures.add(f"{label}.at_rest", 100.0 * statuses["at_rest"] / count, "%")
+        figures.add(f"{label}.worn", 100.0 * sum(bool(row["worn"]) for row in self.rows.values()) / count, "%")
         figures.add(f"{label}.iterations", sum(iterations) / count, "iterations, mean")
         print(f"  {sum(vertices) / count:.0f} vertices (mean), {1e-9 * work / self.seconds:.2f} G vertex-iterations/s")
 
@@ -99,7 +102,9 @@ def command(jobs_file: Path, out: Path, device: str, *more: str) -> list[str]:
 def run(jobs_file: Path, out: Path, device: str, *more: str) -> Run:
     """Runs a batch by its command."""
     began = time.time()
-    subprocess.run(command(jobs_file, out, device, *more), check=True, stdout=subprocess.DEVNULL)
+    ended = subprocess.run(command(jobs_file, out, device, *more), check=False, stdout=subprocess.DEVNULL)
+    if ended.returncode not in (0, NOT_WORN):
+        raise RuntimeError(f"the batch ended with status {ended.returncode}")
     seconds = time.time() - began
     written = [(path.stat().st_mtime - began, pyarrow.parquet.read_metadata(path).num_rows)
                for path in (out / "shards").glob("*.parquet")]  # fmt: skip
