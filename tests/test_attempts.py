@@ -75,10 +75,16 @@ def test_nothing_is_chosen_where_all_is_stated() -> None:
     assert attempt.scene.solver.iterations == 7
 
 
-def test_a_dressed_start_has_no_contact_and_no_second_attempt() -> None:
+def test_a_dressed_start_has_no_contact_until_its_cloth_crosses() -> None:
     attempt = first("sphere", *DRAPED, "solver.start=dressed")
-    assert not attempt.touches
-    assert after((attempt, REST, 5)) is None
+    assert decisions(attempt) == ("accelerated", False, None)
+    assert not attempt.ends_crossing
+    assert after((attempt, LIMIT, 0)) is None
+    untangled = after((attempt, REST, 3))
+    assert decisions(untangled) == ("accelerated", True, 0)
+    assert untangled is not None
+    assert after((attempt, REST, 3), (untangled, REST, 3)) is None
+    assert after((first("sphere", *DRAPED, "solver.start=dressed", "collision.cloth=false"), REST, 3)) is None
 
 
 def test_without_a_stated_limit_an_attempt_ends_where_it_makes_no_progress() -> None:

@@ -64,19 +64,32 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     the avatar as it is posed within the garment, and so is what slid down or slipped off the shoulders. Where the
     avatar shows through faces, it is padded under them. Cloth that does not come to rest is relaxed by the multilevel
     method without contact, which sews and lets fall as a whole; where that leaves few crossings they are then undone,
-    and where it leaves many the attempt with contact goes on.
+    and where it leaves many the attempt with contact goes on. No other way of starting follows a dressed start.
     """
     ended = history[-1]
     attempt, stated = ended.attempt, ended.attempt.stated
-    if ended.good or ended.status is Status.DIVERGED or stated.solver.start == "dressed":
+    if ended.good or ended.status is Status.DIVERGED:
         return None
     if stated.solver.iterations is not None and ended.status is not Status.AT_REST and ended.cut_short is None:
         return None  # as many iterations as the scene wants
+    if stated.solver.start == "dressed":
+        return _after_dressed(history)
     if ended.cut_short is CutShort.SLOW:
         return _turned(history)
     if attempt.slides:
         return _slid(history)
     return _usual_attempt(history, outfit) or _last_resort(history, outfit)
+
+
+def _after_dressed(history: Sequence[Ended]) -> Attempt | None:
+    """What crosses after a dressed start, which has no contact, goes on from there with it."""
+    ended = history[-1]
+    stated = ended.attempt.stated
+    if ended.attempt.touches or not ended.crossings or stated.collision.cloth is False:
+        return None
+    begins_after = len(history) - 1
+    why = "cloth crossed without it", "contact is per vertex"
+    return _attempt(stated, "accelerated", True, *why, begins_after, last=True)
 
 
 def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
