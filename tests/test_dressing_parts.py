@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import ARMS, LEGS
-from warp_cloth.anatomy.raising import LEGS_AWAY, spread_leg
+from warp_cloth.anatomy.raising import LEGS_AWAY, raised_limb
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.dressing.panels import CLOSED, legs_parted, skirt_closed
@@ -154,7 +155,7 @@ def test_trousers_are_pulled_up_no_farther_than_their_crotch() -> None:
 def test_legs_are_spread_to_their_own_sides() -> None:
     hanging = skeleton()
     hanging.curves[LEGS[0]] = hanging.curves[LEGS[0]] * [-1.0, 1.0, 1.0]
-    right, left = (spread_leg(hanging, leg) for leg in LEGS)
+    right, left = (raised_limb(hanging, leg) for leg in LEGS)
     assert right is not None
     assert left is not None
     np.testing.assert_allclose(right, left * [-1.0, 1.0, 1.0], atol=1e-12)
@@ -183,3 +184,11 @@ def test_a_neckline_that_starts_behind_the_neck_is_moved_round_it() -> None:
     np.testing.assert_allclose(moved, [0.0, 0.0, 0.15], atol=1e-12)
     assert wearing.pierced(points + moved) == ()
     np.testing.assert_array_equal(wearing._onto_neck(points + moved), np.zeros(3))
+
+
+def test_what_has_legs_and_a_neckline_is_no_trousers() -> None:
+    wearing, _ = trousers(0.0)
+    assert wearing.is_trousers
+    jumpsuit = replace(wearing, openings=(*wearing.openings, wearing.openings[0]), limbs=(*wearing.limbs, (HEAD,)))
+    assert jumpsuit.has_legs
+    assert not jumpsuit.is_trousers

@@ -1,6 +1,6 @@
 """One vertex's step: force, cap, displacement (the paper, section 4); ``direct_step`` is the paper's own rule.
 
-This is gradient descent on the energy within a trust region, the cap; ``accelerated`` adds a step size of each vertex'
+This is gradient descent on the energy within a trust region, the cap; ``accelerated`` adds a step size of each vertex's
 own (force over a stiffness bound) and momentum. All functions take one vertex or a packet of eight.
 """
 

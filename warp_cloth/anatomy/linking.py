@@ -20,6 +20,7 @@ from warp_cloth.anatomy.shoulders import height_over_shoulders, slipped_off
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, Skeleton
 from warp_cloth.anatomy.standing import moved_from_standing
 from warp_cloth.base.mesh import Indices, Points
+from warp_cloth.base.topology import triangles_across
 
 SLEEVED = tuple((arm,) for arm in ARMS)  # whom a sleeve is for
 SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most where its waist holds it
@@ -85,12 +86,6 @@ def limbs_through(start: Points, end: Points, curves: Sequence[Points]) -> Limbs
     return tuple(np.flatnonzero(cone_crossings(start, end, curves) % 2).tolist())
 
 
-def triangles_across(triangles: Indices, of_one: NDArray[np.bool_]) -> Indices:
-    """The triangles between the vertices of one part of a mesh and the others, shape [N, 3]."""
-    sides = of_one[triangles]
-    return triangles[sides.any(axis=1) & ~sides.all(axis=1)]
-
-
 def curve_crossings(points: Points, triangles: Indices, curve: Points) -> int:
     """How often a curve, shape [N, 3], passes through the triangles of a garment [m]."""
     return int(surface_crossings(points, triangles, [curve])[0])
@@ -145,6 +140,11 @@ class Wearing:
     def is_skirt(self) -> bool:
         """Whether it hangs from the waist and has no legs."""
         return self.hangs_from_waist and all(len(limbs) != 1 for limbs in self.limbs)
+
+    @property
+    def is_trousers(self) -> bool:
+        """Whether it hangs from the waist and has legs."""
+        return self.hangs_from_waist and self.has_legs
 
     @cached_property
     def too_high(self) -> float:
@@ -221,7 +221,7 @@ class Wearing:
             shift = shift + self.across
         shift = shift + self._onto_neck(points + shift)
         if above := height_over_shoulders(self.limbs, points + shift, self.triangles, skeleton):
-            is_round_head = above > NECK and HEAD in self.pierced(points + shift)
+            is_round_head = above > NECK and self._pierced_by_head(points + shift)
             is_under = above < 0.0 and any(HEAD in each.wanted for each in self.misplaced_at_start)
             is_far = is_round_head or is_under or abs(above) > FAR_SHOULDERS
             shift = shift - skeleton.up * (above if is_far else 0.0)
@@ -240,14 +240,17 @@ class Wearing:
         0 where the head is within it, or the cloth would be on both sides of the head there, too.
         """
         necklines = [each for each, limbs in zip(self.openings, self.limbs, strict=True) if limbs == (HEAD,)]
-        if not necklines or HEAD not in self.pierced(points):
+        if not necklines or not self._pierced_by_head(points):
             return np.zeros(3)
         up, head = self.skeleton.up, self.skeleton.curves[HEAD]
         centre = points[necklines[0].loop].mean(axis=0)
         height = (head - centre) @ up
         off = head[int(np.abs(height).argmin())] - centre
         across: Points = off - up * (off @ up)
-        return across if HEAD not in self.pierced(points + across) else np.zeros(3)
+        return np.zeros(3) if self._pierced_by_head(points + across) else across
+
+    def _pierced_by_head(self, points: Points) -> bool:
+        return curve_crossings(points, self.triangles, self.skeleton.curves[HEAD]) > 0
 
     @cached_property
     def _round_trunk(self) -> list[Opening]:

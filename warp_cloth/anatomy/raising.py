@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from warp_cloth.anatomy.openings import ARMS
 from warp_cloth.anatomy.skeleton import Skeleton, outward_of
 from warp_cloth.base.mesh import Points
 
@@ -12,20 +13,12 @@ ARMS_AWAY = np.radians(42.0)
 LEGS_AWAY = np.radians(25.0)  # from down, of thighs that come home last
 
 
-def raised_arm(skeleton: Skeleton, arm: int) -> Points | None:
-    """The curve of an arm, turned about where it leaves the trunk until its upper half is ARMS_AWAY from down.
+def raised_limb(skeleton: Skeleton, limb: int) -> Points | None:
+    """The curve of an arm or a leg, turned out where it leaves the trunk until its upper half is that far from down.
 
-    None: the arm does not hang. Points [m], shape [N, 3], as the limb's curve.
+    None: the limb does not hang. Points [m], shape [N, 3], as the limb's curve.
     """
-    return _raised(skeleton, arm, ARMS_AWAY)
-
-
-def spread_leg(skeleton: Skeleton, leg: int) -> Points | None:
-    """The curve of a leg, turned out at the hip until its upper half is LEGS_AWAY from down; None: it does not hang."""
-    return _raised(skeleton, leg, LEGS_AWAY)
-
-
-def _raised(skeleton: Skeleton, limb: int, angle: float) -> Points | None:
+    angle = ARMS_AWAY if limb in ARMS else LEGS_AWAY
     curve, joint = skeleton.curves[limb], skeleton.joints[limb]
     upper = curve[joint : joint + (len(curve) - joint) // 2]
     way, outward = upper[-1] - upper[0], outward_of(skeleton, limb)

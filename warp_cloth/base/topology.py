@@ -85,6 +85,12 @@ def mesh_edges(triangles: Indices, vertex_count: int) -> Indices:
     return np.stack([unique // vertex_count, unique % vertex_count], axis=1).astype(np.int32)
 
 
+def triangles_across(triangles: Indices, of_one: NDArray[np.bool_]) -> Indices:
+    """The triangles between the vertices of one part of a mesh, a flag of each vertex, and the others, shape [N, 3]."""
+    sides = of_one[triangles]
+    return triangles[sides.any(axis=1) & ~sides.all(axis=1)]
+
+
 def ragged_rows(owner: NDArray[np.integer], row_count: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """CSR rows of entries by owner: row starts, shape [row_count + 1], and the stable order of the entries."""
     starts = np.zeros(row_count + 1, dtype=np.int32)

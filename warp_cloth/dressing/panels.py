@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.anatomy.linking import Wearing, triangles_across
+from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import ARMS, LEGS
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Indices, Points
-from warp_cloth.base.topology import mesh_edges
+from warp_cloth.base.topology import mesh_edges, triangles_across
 
 SEAM = 4.0  # of the median length of edges, from which one spans a seam
 CLOSED = np.radians(65.0)  # of a closed fan, from down to one side

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.openings import ARMS, LEGS
-from warp_cloth.anatomy.raising import raised_arm, spread_leg
+from warp_cloth.anatomy.raising import raised_limb
 from warp_cloth.anatomy.skeleton import TRUNK, Skeleton
 from warp_cloth.base.curves import arc_lengths, resampled
 from warp_cloth.base.mesh import Mesh, Points
@@ -86,7 +86,7 @@ class PosedBody:
 
     def away(self, limbs: Sequence[int]) -> list[Points] | None:
         """The curves at home, but with those of these limbs that hang raised from down; None: none of them hangs."""
-        raised = {limb: (raised_arm if limb in ARMS else spread_leg)(self._skeleton, limb) for limb in limbs}
+        raised = {limb: raised_limb(self._skeleton, limb) for limb in limbs}
         hanging = {limb: curve for limb, curve in raised.items() if curve is not None}
         curves = list(self.home)
         for limb, curve in hanging.items():

@@ -9,7 +9,7 @@ import numpy as np
 
 from warp_cloth.anatomy.linking import Wearing, curve_crossings, misplaced_openings
 from warp_cloth.anatomy.openings import ARMS, LEGS, Opening
-from warp_cloth.anatomy.raising import raised_arm
+from warp_cloth.anatomy.raising import raised_limb
 from warp_cloth.anatomy.skeleton import LIMBS, Skeleton, outward_of
 from warp_cloth.base.curves import arc_lengths, points_along, resampled
 from warp_cloth.base.mesh import Points
@@ -77,7 +77,7 @@ def _in_sleeve(arm: int, opening: Opening, wearing: Wearing, points: Points) -> 
     A way over the cells of free space would lead round a sleeve that is narrower than these.
     """
     skeleton = wearing.skeleton
-    curve = raised_arm(skeleton, arm)
+    curve = raised_limb(skeleton, arm)
     if curve is None or _is_armhole(points[opening.loop], arm, skeleton):
         return None
     if curve_crossings(points, wearing.triangles, curve):

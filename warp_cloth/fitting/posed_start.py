@@ -133,21 +133,24 @@ def _sewn_and_carried(
 ) -> _PosedStart:
     dressing = _Dressing(scene, outfit, device, offset, clock, lifted=lifted, watching=watching)
     dressing.sew()
-    if dressing.is_pulled_on:
+    if dressing.wearing.is_trousers and not lifted:
         dressing.pull_on()
-        dressing.come_home()
-        return dressing.ended()
-    if lifted or dressing.wearing.hangs_from_waist:
-        dressing.lift()
-    is_skirt = dressing.wearing.is_skirt
-    grows_first = is_skirt or dressing.could_slide
-    if grows_first:
-        dressing.grow(GROWING_STEPS)
-    if is_skirt or dressing.in_the_way:
-        dressing.fall()
-    dressing.carry_home(STEPS - GROWING_STEPS if grows_first else STEPS, is_grown=grows_first)
+    else:
+        _carry(dressing, lifted)
     dressing.come_home()
     return dressing.ended()
+
+
+def _carry(dressing: _Dressing, lifted: bool) -> None:
+    wearing = dressing.wearing
+    if lifted or wearing.hangs_from_waist:
+        dressing.lift()
+    grows_first = wearing.is_skirt or dressing.could_slide
+    if grows_first:
+        dressing.grow(GROWING_STEPS, posed=1.0)
+    if wearing.is_skirt or dressing.in_the_way:
+        dressing.fall()
+    dressing.carry_home(STEPS - GROWING_STEPS if grows_first else STEPS, is_grown=grows_first)
 
 
 class _Dressing:
@@ -180,8 +183,8 @@ class _Dressing:
         if wearing.has_legs:  # trousers are sewn below the trunk's end
             trunk = self._body.trunk_up_to(limbs[LEGS[0]][0])
         self._posed = [*limbs, trunk]
+        # straps would slide off thin shoulders as hanging arms come down to the trunk
         self.could_slide = has_armholes and self._body.away(ARMS) is not None
-        self.is_pulled_on = wearing.has_legs and wearing.hangs_from_waist and not lifted
         last_home = [*(ARMS if has_armholes else ()), *(LEGS if wearing.has_legs and not lifted else ())]
         self._away = self._body.away(last_home)
         self._surface, self._slid = self._body.points(self._posed, THIN), self._body.slid(self._posed)
@@ -242,8 +245,7 @@ class _Dressing:
                 break
             self._move_up(float(np.clip(rise, -PULL, PULL)))
             self._relax(BURST)
-        for step in range(1, STEPS + 1):
-            self._take(0.0, _thickness(step / STEPS))
+        self.grow(STEPS, posed=0.0)
 
     def fall(self) -> None:
         """Lets the garment hang, under a weight that makes it fall fast, until it is out of the arms' way and slow."""
@@ -260,10 +262,10 @@ class _Dressing:
             before = points
         self._set_weight(1.0)
 
-    def grow(self, steps: int) -> None:
-        """Lets the body grow in its pose, in steps of a burst each."""
+    def grow(self, steps: int, *, posed: float) -> None:
+        """Lets the body grow where ``posed`` has it, in steps of a burst each."""
         for step in range(1, steps + 1):
-            self._take(1.0, _thickness(step / steps))
+            self._take(posed, _thickness(step / steps))
 
     def carry_home(self, steps: int, *, is_grown: bool = False) -> None:
         """Takes the body home, growing if it has not grown yet, in bursts, but for the limbs that come home last."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_cloth.anatomy.raising import raised_arm
+from warp_cloth.anatomy.raising import raised_limb
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, TRUNK, Skeleton, skeleton_of
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.base.mesh import Mesh
@@ -65,7 +65,7 @@ def figure_of(body: Mesh | None) -> Figure:
     neck = _neckline(skeleton, body.points, middle, left)
     curves = list(skeleton.curves)
     for arm in (RIGHT_ARM, LEFT_ARM):  # cloth before and behind the trunk would lie across arms that hang
-        raised = raised_arm(skeleton, arm)
+        raised = raised_limb(skeleton, arm)
         curves[arm] = curves[arm] if raised is None else raised
     limbs = [curves[n][skeleton.joints[n] :] for n in (RIGHT_ARM, LEFT_ARM, RIGHT_LEG, LEFT_LEG)]
     return Figure(

@@ -120,7 +120,7 @@ def slid_down(judged: Judged) -> FitProblem | None:
     began -= 0.0 if wearing is None else wearing.too_high
     if not began - ended > limit:
         return None
-    if wearing is not None and wearing.has_legs and not wearing.rise(judged.points) > limit:
+    if wearing is not None and wearing.is_trousers and not wearing.rise(judged.points) > limit:
         return None  # trousers that are too high on this body as they start: their crotch holds them
     return FitProblem(
         ProblemCode.SLID_OFF,

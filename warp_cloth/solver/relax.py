@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from warp_cloth.contact.cloth import ClothContact
 
 LIMIT_ON_CLOTH = 30.0  # where cloth meets cloth there is no more of it, nor the even damping of other loose cloth
-# Once forces have been balanced for SWUNG iterations there is less of it for as many, then as much again, by turns.
+# Once forces have been balanced for SWUNG iterations there is less of it for as many, then as much again, and so on.
 # Long steps can feed cloth that leaves the avatar and touches it again: of 8 T-shirts that took longer, two never came
 # to rest (they swung by up to 0.7 mm), and all do with less. Other cloth needs them to balance to the last per cent.
 SWUNG, LIMIT_WHEN_SWUNG = 4000, 10.0
