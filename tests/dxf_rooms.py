@@ -97,29 +97,31 @@ def counted_blocks(path: Path) -> Path:
     return out.finish(path)
 
 
-def nested_outlines(path: Path) -> Path:
-    """One block a piece, with the outlines of all sizes."""
+def _nested(path: Path, layer: int, begin: Callable[[Blocks, int, Drafted], None]) -> Path:
+    """One block a piece, as ``begin`` begins it, with the outlines of all sizes on one layer."""
     out = Blocks(MM)
     sizes = nest()
     for number, piece in enumerate(sizes["M"]):
-        out.begin(piece.name, named(piece))
+        begin(out, number, piece)
         for pieces in sizes.values():
-            out.polyline(outline(pieces[number]), 1, closed=True)
+            out.polyline(outline(pieces[number]), layer, closed=True)
         out.end_block(piece)
     return out.finish(path, "Units: METRIC")
+
+
+def nested_outlines(path: Path) -> Path:
+    """One block a piece, with the outlines of all sizes."""
+    return _nested(path, 1, lambda out, _, piece: out.begin(piece.name, named(piece)))
 
 
 def graded_sew_layer(path: Path) -> Path:
     """TUKAcad: the sample's outline on layer 1, those of all sizes on layer 14."""
-    out = Blocks(MM)
-    sizes = nest()
-    for number, piece in enumerate(sizes["M"]):
+
+    def begin(out: Blocks, number: int, piece: Drafted) -> None:
         out.begin(str(number), (*named(piece), "Size: M"))
         out.polyline(outline(piece), 1, closed=True)
-        for pieces in sizes.values():
-            out.polyline(outline(pieces[number]), 14, closed=True)
-        out.end_block(piece)
-    return out.finish(path, "Units: METRIC")
+
+    return _nested(path, 14, begin)
 
 
 def annotated(path: Path) -> Path:

@@ -1,4 +1,4 @@
-"""Flips keep a triangulation Delaunay, as SciPy makes it anew, and never lose the side of an outline."""
+"""Flips keep a triangulation Delaunay, the same that SciPy makes, and never lose the side of an outline."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ LINES = (
     Line(
         1,
         "warp-cloth fit shirt.obj --on scan.obj --fabric jersey",
-        "units and up axis found, both stand; shirt on its wearer, beside how it started",
+        "units and up axis found, both stand; shirt on its wearer, next to how it started",
         "garment.up = z",
         "out/preview.png",
         JUDGED,

@@ -3,16 +3,16 @@
 from warp_cloth.pattern.assembly import is_drafted, load_pattern, read_drafted, read_pattern, sewn_mesh, sewn_pattern
 from warp_cloth.pattern.drafted import DraftOptions
 from warp_cloth.pattern.figure import figure_of
-from warp_cloth.pattern.grade_table import table_beside
+from warp_cloth.pattern.grade_table import grade_table_path
 
 __all__ = [
     "DraftOptions",
     "figure_of",
+    "grade_table_path",
     "is_drafted",
     "load_pattern",
     "read_drafted",
     "read_pattern",
     "sewn_mesh",
     "sewn_pattern",
-    "table_beside",
 ]

@@ -19,7 +19,7 @@ from warp_cloth.pattern.delaunay import Ints, OutlineError
 from warp_cloth.pattern.drafted import Draft, DraftOptions, drafted_pattern, read_draft
 from warp_cloth.pattern.figure import Figure
 from warp_cloth.pattern.garmentcode import read_specification
-from warp_cloth.pattern.grade_table import read_grade_table, table_beside
+from warp_cloth.pattern.grade_table import grade_table_path, read_grade_table
 from warp_cloth.pattern.mesher import Flat, meshed
 from warp_cloth.pattern.outline import Outline, SewnOutlines, sewn_outlines
 from warp_cloth.pattern.sewing import Seam, seams_of
@@ -70,7 +70,7 @@ def read_drafted(path: Path, options: DraftOptions | None = None) -> Draft:
     Raises:
         InputError: ezdxf is not installed, the file cannot be read, or what is stated does not fit it.
     """
-    rules = table_beside(path)
+    rules = grade_table_path(path)
     table = None if rules is None else read_grade_table(str(rules), content(rules, "grade rule"))
     return read_draft(str(path), content(path, "pattern"), options or DraftOptions(), table)
 

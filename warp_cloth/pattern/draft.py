@@ -167,7 +167,7 @@ def _copies(piece: Piece, said: Stated, part: Part, place: str, notes: list[str]
 
 
 def _gores(part: Part, copies: tuple[int, int]) -> list[Part]:
-    """The gores of a skirt in their order round it; drawn and mirrored ones by turns, where a piece has two sides."""
+    """The gores of a skirt in their order round it; drawn and mirrored alternately, where a piece has two sides."""
     turns = part.mirror is None and copies[0] == copies[1]
     made = [_mirrored(part, False) if turns and number % 2 else part for number in range(min(sum(copies), MOST_PANELS))]
     names = [part.name, *(f"{part.name} #{number}" for number in range(2, len(made) + 1))]

@@ -62,7 +62,7 @@ def read_draft(file: str, data: bytes, options: DraftOptions, table: GradeTable 
     rules = drawing.stated.get("graderuletable")
     if rules and table is None and len({piece.size for piece in pieces}) < 2:
         told.append(
-            f"its sizes are in the grade rule table {short(rules)}: lay it beside the file, as its name with .rul"
+            f"its sizes are in the grade rule table {short(rules)}: put it next to the file, under its name with .rul"
         )
     size, sizes, chosen = _of_size(file, pieces, options.size, sample)
     notes = [*told, *(note for piece in chosen for note in piece.notes)]

@@ -79,7 +79,7 @@ class Drawn:
 
 
 def repaired(text: str) -> str:
-    """A text that was UTF-8, and was read as of Windows' code page, as files without a stated one are."""
+    """A text that was UTF-8, and was read in Windows' code page, as files without a stated one are."""
     if text.isascii():
         return text
     try:

@@ -14,10 +14,8 @@ from warp_cloth.pattern.loops import area_of, chained, gap_of
 
 WITHIN = 0.95  # of a loop's points, within another: a part of the same piece
 LINED = 0.6  # of the area, from which a loop within an outline is its sew line
-FRAMED = (
-    0.1,
-    0.4,
-)  # of the area that several loops within a rectangle, or another outline, fill: it is a sheet's frame
+# Of an outline's area, which several loops within it fill where it is a sheet's frame
+FRAMED_RECTANGLE, FRAMED_OTHER = 0.1, 0.4
 SQUARE = 1e-3  # of its extent, to which a frame is a rectangle
 
 
@@ -103,7 +101,7 @@ def _unframed(loops: list[Floats]) -> list[Floats]:
             if not held[k]:
                 apart.append(loop)
         filled = sum(abs(area_of(loop)) for loop in apart) / max(abs(area_of(loops[largest])), 1e-300)
-        if len(apart) < 2 or filled < FRAMED[0 if _is_rectangle(loops[largest]) else 1]:
+        if len(apart) < 2 or filled < (FRAMED_RECTANGLE if _is_rectangle(loops[largest]) else FRAMED_OTHER):
             break
         loops = rest
     return loops

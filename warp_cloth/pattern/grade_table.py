@@ -49,8 +49,8 @@ class GradeTable:
         return 1e-3 if metres == INCH else metres
 
 
-def table_beside(pattern: Path) -> Path | None:
-    """The table that lies beside a DXF file, of the same name."""
+def grade_table_path(pattern: Path) -> Path | None:
+    """The grade rule table that lies next to a DXF file, under the same name; None: there is none."""
     try:
         found = sorted(path for path in pattern.parent.iterdir() if path.suffix.lower() == SUFFIX)
     except OSError:

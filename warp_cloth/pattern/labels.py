@@ -14,17 +14,8 @@ NAME_KEYS = (
 )
 SIZE_KEYS = ("size", "sizename", "groesse", "grosse", "konfektionsgrosse", "taille", "talla", "taglia", "tamanho")
 COUNT_KEYS = (
-    "quantity",
-    "qty",
-    "pieces",
-    "cut",
-    "cutquantity",
-    "anzahl",
-    "stuckzahl",
-    "quantite",
-    "cantidad",
-    "quantita",
-    "quantidade",
+    *("quantity", "qty", "pieces", "cut", "cutquantity"),
+    *("anzahl", "stuckzahl", "quantite", "cantidad", "quantita", "quantidade"),
 )
 NOTE_KEYS = ("annotation", "annotations", "remark", "description")
 PAIR = r"\bpairs?\b|\bpaare?\b|\bpaires?\b|\bpar(es)?\b|\bpai[ao]\b|[对对双雙]"

@@ -12,6 +12,7 @@ from warp_cloth.pattern.piece import Piece
 
 SIZES = ("XXXS", "XXS", "XS", "S", "M", "L", "XL", "XXL", "XXXL", "2XL", "3XL", "4XL", "5XL", "6XL")
 GROWN = 0.003  # relative, by which areas of all pieces in two sizes differ at least
+_FIRST = re.compile(r"^([A-Za-z0-9]{1,4})\s*[-_ .]\s*(.*\S)$")  # a size, then a name
 
 
 def sized(pieces: Sequence[Piece]) -> list[Piece]:
@@ -34,9 +35,6 @@ def sized(pieces: Sequence[Piece]) -> list[Piece]:
             piece = _size_first(piece, firsts)
         out.append(replace(piece, name=stem, size=size) if named else piece)
     return out
-
-
-_FIRST = re.compile(r"^([A-Za-z0-9]{1,4})\s*[-_ .]\s*(.*\S)$")
 
 
 def _size_first(piece: Piece, firsts: set[str]) -> Piece:

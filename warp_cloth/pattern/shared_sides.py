@@ -21,7 +21,7 @@ SEAMS = ("princess", "side", "sleeve cap")
 def parts_with_sides(
     file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]
 ) -> tuple[tuple[Part, ...], list[str]]:
-    """The parts of a garment, its side panels between front and back among them; errors as of ``parts_of``."""
+    """The parts of a garment, its side panels between front and back among them; raises what ``parts_of`` raises."""
     shared = [piece for piece in pieces if piece.what.panel == SIDE_PANEL and not piece.what.kind]
     names = [piece.name for piece in shared if piece.name not in stated]
     fronts = any(piece.what.kind in ("front", "back") for piece in pieces)

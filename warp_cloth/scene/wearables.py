@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, field_serializer, field_validator, m
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
 from warp_cloth.material.fabric import Fabric, resolve_fabric
-from warp_cloth.pattern import DraftOptions, is_drafted, table_beside
+from warp_cloth.pattern import DraftOptions, grade_table_path, is_drafted
 from warp_cloth.pattern.draft import Stated
 from warp_cloth.pattern.joints import StatedSeam
 from warp_cloth.scene.messages import listed, refusal, show
@@ -309,8 +309,8 @@ class GarmentSpec(Wearable):
 
     @property
     def grade_table(self) -> Path | None:
-        """The grade rules of a DXF pattern, where they lie beside it."""
-        return table_beside(self.pattern) if self.pattern is not None and self.is_drafted else None
+        """The grade rules of a DXF pattern, where they lie next to it."""
+        return grade_table_path(self.pattern) if self.pattern is not None and self.is_drafted else None
 
     @property
     def edge(self) -> float:
