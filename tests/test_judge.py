@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ from meshfiles import write_obj
 from numpy.typing import NDArray
 
 import warp_cloth
-from warp_cloth.anatomy.shoulders import slipped_off
+from warp_cloth.anatomy.openings import Limbs
+from warp_cloth.anatomy.shoulders import Shoulders
 from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, TRUNK, Skeleton, skeleton_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, vertex_normals
@@ -151,11 +153,14 @@ def test_straps_that_hang_on_the_arms_have_slipped_off_the_shoulders(shirt: Shir
     """All cloth over the shoulders is gone but a ring round each arm."""
     limbs = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
     down = shirt.points - 0.25 * shirt.skeleton.up
-    given: dict[str, Any] = {"body": shirt.body.points, "skeleton": shirt.skeleton}
-    assert slipped_off(limbs, shirt.points, shirt.points, shirt.triangles, **given) == ()
-    assert slipped_off(limbs, shirt.points, down, shirt.triangles, **given) == (RIGHT_ARM, LEFT_ARM)
-    assert slipped_off(limbs, down, down, shirt.triangles, **given) == (), "it began there"
-    assert slipped_off(((0, 1, 2), (3, 4)), shirt.points, down, shirt.triangles, **given) == (), "a strapless one"
+
+    def slipped(limbs: Sequence[Limbs], start: Floats, worn: Floats) -> Limbs:
+        return Shoulders.of(limbs, start, shirt.triangles, shirt.skeleton).slipped(worn, shirt.triangles)
+
+    assert slipped(limbs, shirt.points, shirt.points) == ()
+    assert slipped(limbs, shirt.points, down) == (RIGHT_ARM, LEFT_ARM)
+    assert slipped(limbs, down, down) == (), "it began there"
+    assert slipped(((0, 1, 2), (3, 4)), shirt.points, down) == (), "a strapless one"
 
 
 def test_shapes_are_given_as_arrays_files_or_fits(shirt: Shirt) -> None:

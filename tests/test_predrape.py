@@ -9,19 +9,23 @@ import pytest
 import warp as wp
 
 import warp_cloth
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch.loading import LoadCache
 from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.memory import memory_need
+from warp_cloth.contact.garments import model_crossings
 from warp_cloth.fitting import predrape
 from warp_cloth.fitting.fit import Fit
+from warp_cloth.fitting.predrape import build_predrape, start_predraped
+from warp_cloth.fitting.problem import load_problem
 from warp_cloth.garment.outfit import MeshCache, load_outfit
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.scene.predrape import FABRIC, FRICTION, ITERATIONS, predrape_scene_of
 from warp_cloth.solver.loop import relax_items
 
-CLOTH = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "solver.iterations=400"]
+CLOTH = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "collision.cloth=false", "solver.iterations=400"]
 NO_GPU = pytest.mark.skipif(not wp.is_cuda_available(), reason="no GPU")
 DEVICES = ["cpu", pytest.param("cuda:0", marks=[pytest.mark.cuda, NO_GPU])]
 
@@ -102,11 +106,28 @@ def test_the_report_tells_what_dressing_took_and_the_iterations_are_the_fits_own
 
 
 def test_dressed_cloth_rests_in_fewer_iterations() -> None:
-    more = "solver.iterations=20000", "garment.fabric=silk", "garment.shape.vertices_per_side=17"
+    more = (
+        "solver.iterations=20000",
+        "collision.cloth=auto",
+        "garment.fabric=silk",
+        "garment.shape.vertices_per_side=17",
+    )
     placed = warp_cloth.fit(load_scene("sphere", [*CLOTH, *more]), device="cpu")
     dressed = warp_cloth.fit(draped(*more), device="cpu")
     assert placed.status is dressed.status is Status.AT_REST
     assert dressed.report["iterations"] < placed.report["iterations"]
+
+
+def test_what_crosses_as_it_is_dressed_is_untangled_there_unless_cloth_is_to_pass_through_cloth() -> None:
+    crossings = {}
+    for cloth in ("auto", "false"):
+        scene = draped(f"collision.cloth={cloth}", "avatar.shape.radius=0.12")
+        problem = load_problem(scene, "cpu")
+        dressing = build_predrape(problem, Cache())
+        assert dressing is not None
+        (levels,) = start_predraped(problem, dressing)
+        crossings[cloth] = len(levels), model_crossings(problem.model, problem.outfits)[0].pairs > 0
+    assert crossings == {"auto": (2, False), "false": (1, True)}
 
 
 def test_what_loses_itself_while_it_is_dressed_starts_as_it_is_placed(monkeypatch: pytest.MonkeyPatch) -> None:

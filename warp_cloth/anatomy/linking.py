@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from warp_cloth.anatomy.crossings import cone_crossings, surface_crossings
 from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.openings import ARMS, LEGS, Limbs, Opening, limbs_for
-from warp_cloth.anatomy.shoulders import height_over_shoulders, slipped_off
+from warp_cloth.anatomy.shoulders import Shoulders, height_over_shoulders
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, Skeleton
 from warp_cloth.anatomy.standing import moved_from_standing
 from warp_cloth.base.mesh import Indices, Points
@@ -49,9 +49,13 @@ def misplaced_openings(
         if not limbs:
             continue
         rings = opening.rings(points, triangles)
-        through = [limbs_through(*rings.ring(level), skeleton.curves) for level in range(rings.count)]
-        if not any(_fits(limbs, each) for each in through):
-            found.append(Misplaced(opening, limbs, through[-1]))
+        through: Limbs = ()
+        for level in range(rings.count):
+            through = limbs_through(*rings.ring(level), skeleton.curves)
+            if _fits(limbs, through):
+                break
+        else:
+            found.append(Misplaced(opening, limbs, through))
     return found
 
 
@@ -273,9 +277,14 @@ class Wearing:
         """The ends of sleeves and legs that are too long for their limb, with the garment at ``points`` [m]."""
         return covered_limbs(self.openings, self.limbs, points, self.triangles, self.skeleton)
 
-    def off_shoulders(self, points: Points, body: Points) -> Limbs:
-        """The arms whose shoulder the garment at ``points`` [m] has slipped off; ``body``: its vertices [m]."""
-        return slipped_off(self.limbs, self.onto, points, self.triangles, body, self.skeleton)
+    @cached_property
+    def shoulders(self) -> Shoulders:
+        """The shoulders that the garment started over."""
+        return Shoulders.of(self.limbs, self.onto, self.triangles, self.skeleton)
+
+    def off_shoulders(self, points: Points) -> Limbs:
+        """The arms whose shoulder the garment at ``points`` [m] has slipped off."""
+        return self.shoulders.slipped(points, self.triangles)
 
     def pierced(self, points: Points) -> Limbs:
         """The limbs that the cloth at ``points`` [m] runs through the middle of."""

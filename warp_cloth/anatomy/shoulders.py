@@ -11,7 +11,7 @@ from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.openings import ARMS, Limbs
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, Skeleton, outward_of
 from warp_cloth.base.mesh import Indices, Points
-from warp_cloth.base.section import section_at
+from warp_cloth.base.section import segments_at
 
 # Distances from the middle of the body, across and up from the root of an arm, over that of the root.
 EDGE = (0.7, 0.95)  # where the top of the shoulder is measured
@@ -37,29 +37,39 @@ class Cover:
     top: float  # -inf: there is none on this side
 
 
-def slipped_off(
-    limbs: Sequence[Limbs], start: Points, worn: Points, triangles: Indices, body: Points, skeleton: Skeleton
-) -> tuple[int, ...]:
-    """The arms whose shoulder a garment has slipped off, though it lay over it as it started.
+@dataclass(frozen=True, eq=False)
+class Shoulders:
+    """The shoulders that a garment lay over as it started."""
 
-    Args:
-        limbs: whom each opening is for.
-        start: its points where it started, moved onto the body [m], shape [V, 3].
-        worn: its points as worn [m], shape [V, 3].
-        triangles: shape [F, 3].
-        body: vertices of the body [m], shape [B, 3].
-        skeleton: of the body.
-    """
-    arms = _with_shoulders(limbs)
-    sides = {arm: _Side(skeleton, arm) for arm in arms}
-    begun, now = ({arm: side.cover(points, triangles) for arm, side in sides.items()} for points in (start, worn))
-    top = {arm: side.skin_top(body) for arm, side in sides.items()}
-    lay = [arm for arm in arms if begun[arm].inner < 1.0 and begun[arm].top > BEGAN * top[arm]]
-    slipped = [arm for arm in lay if now[arm].inner > ON_ARM or now[arm].top < ON_TOP * top[arm]]
-    if not slipped and len(lay) == 2 and abs(begun[RIGHT_ARM].inner - begun[LEFT_ARM].inner) < ALIKE:
-        outer, inner = sorted(arms, key=lambda arm: -now[arm].inner)
-        slipped = [outer] if now[outer].inner > OUTSIDE and now[inner].inner < INSIDE else []
-    return tuple(slipped)
+    sides: dict[int, _Side]  # of each arm with an opening of its own, beside one for the head
+    begun: dict[int, Cover]  # the garment where it started
+    skin: dict[int, float]  # how high their tops are
+
+    @classmethod
+    def of(cls, limbs: Sequence[Limbs], start: Points, triangles: Indices, skeleton: Skeleton) -> Shoulders:
+        """Of the body of a garment whose openings are for these limbs.
+
+        Args:
+            limbs: whom each opening is for.
+            start: the garment's points where it started, moved onto the body [m], shape [V, 3].
+            triangles: shape [F, 3].
+            skeleton: of the body.
+        """
+        sides = {arm: _Side(skeleton, arm) for arm in _with_shoulders(limbs)}
+        begun = {arm: side.cover(start, triangles) for arm, side in sides.items()}
+        return cls(sides, begun, {arm: side.skin_top(skeleton.skin) for arm, side in sides.items()})
+
+    def slipped(self, worn: Points, triangles: Indices) -> tuple[int, ...]:
+        """The arms whose shoulder the garment has slipped off, with its points as worn [m], shape [V, 3]."""
+        begun, skin, now = self.begun, self.skin, {}
+        lay = [arm for arm in self.sides if begun[arm].inner < 1.0 and begun[arm].top > BEGAN * skin[arm]]
+        if lay:
+            now = {arm: side.cover(worn, triangles) for arm, side in self.sides.items()}
+        slipped = [arm for arm in lay if now[arm].inner > ON_ARM or now[arm].top < ON_TOP * skin[arm]]
+        if not slipped and len(lay) == 2 and abs(begun[RIGHT_ARM].inner - begun[LEFT_ARM].inner) < ALIKE:
+            outer, inner = sorted(self.sides, key=lambda arm: -now[arm].inner)
+            slipped = [outer] if now[outer].inner > OUTSIDE and now[inner].inner < INSIDE else []
+        return tuple(slipped)
 
 
 def height_over_shoulders(limbs: Sequence[Limbs], points: Points, triangles: Indices, skeleton: Skeleton) -> float:
@@ -96,7 +106,7 @@ class _Side:
     def cover(self, points: Points, triangles: Indices) -> Cover:
         """Of a garment's cloth, in the frontal plane through the root."""
         here = (points - self._middle) @ self._axes - self._root
-        ends = section_at(here[:, 2], here[:, :2], triangles).ends.reshape(-1, 2)
+        ends = segments_at(here[:, 2], here[:, :2], triangles).reshape(-1, 2)
         own = ends[ends[:, 0] > 0.0]
         above = own[own[:, 1] > 0.0]
         return Cover(float(above[:, 0].min(initial=np.inf)), float(own[:, 1].max(initial=-np.inf)))
@@ -110,7 +120,7 @@ class _Side:
     def tops(self, points: Points, triangles: Indices) -> Floats:
         """The highest cloth at each of ACROSS, in the frontal plane through the root; nan: there is none."""
         here = (points - self._middle) @ self._axes - self._root
-        ends = section_at(here[:, 2], here[:, :2], triangles).ends
+        ends = segments_at(here[:, 2], here[:, :2], triangles)
         across, up = ends[:, :, 0], ends[:, :, 1]
         spans = across[:, 1] - across[:, 0]
         along = (ACROSS[:, None] - across[:, 0]) / np.where(spans == 0.0, np.inf, spans)

@@ -12,6 +12,7 @@ from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Indices, Points
 
 Floats = NDArray[np.float64]
+Sides = tuple[NDArray[np.int64], NDArray[np.int64]]  # of triangles, 0 from the first corner to the second, and so on
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,18 +53,11 @@ def section_at(level: Floats, flat: Floats, triangles: NDArray[np.integer]) -> S
         flat: its two coordinates along the plane [m], shape [V, 2].
         triangles: shape [F, 3].
     """
-    above = level >= 0.0
-    a, b, c = (above[triangles[:, corner]] for corner in range(3))
-    faces = np.flatnonzero((a | b | c) & ~(a & b & c))
-    corners = triangles[faces].astype(np.int64)
-    up = above[corners]
-    crossed = up != np.roll(up, -1, axis=1)  # sides (0,1), (1,2), (2,0): two of the three
-    first = np.argmax(crossed, axis=1)
-    second = 2 - np.argmax(crossed[:, ::-1], axis=1)
+    faces, corners, sides = _cut_faces(level, triangles)
     rows = np.arange(len(faces))
     weights = np.zeros((len(faces), 2, 3))
     keys = np.zeros((len(faces), 2), dtype=np.int64)
-    for end, side in enumerate((first, second)):
+    for end, side in enumerate(sides):
         a, b = corners[rows, side], corners[rows, (side + 1) % 3]
         t = level[a] / (level[a] - level[b])
         weights[rows, end, side] = 1.0 - t
@@ -77,6 +71,29 @@ def section_at(level: Floats, flat: Floats, triangles: NDArray[np.integer]) -> S
     ending = np.bincount(node.ravel(), minlength=len(unique)) != 2
     open_parts = frozenset(part.ravel()[ending[node].any(axis=1)].tolist())
     return Section(ends, faces, weights, part.ravel(), open_parts)
+
+
+def segments_at(level: Floats, flat: Floats, triangles: NDArray[np.integer]) -> Floats:
+    """The ends of a section's segments alone [m], shape [S, 2, 2], in a third of the time; as of ``section_at``."""
+    faces, corners, sides = _cut_faces(level, triangles)
+    rows = np.arange(len(faces))
+    ends = np.empty((len(faces), 2, 2))
+    for end, side in enumerate(sides):
+        a, b = corners[rows, side], corners[rows, (side + 1) % 3]
+        t = (level[a] / (level[a] - level[b]))[:, None]
+        ends[:, end] = (1.0 - t) * flat[a] + t * flat[b]
+    return ends
+
+
+def _cut_faces(level: Floats, triangles: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64], Sides]:
+    """The triangles that a plane cuts, their corners, shape [S, 3], and the two sides of each that it cuts."""
+    above = level >= 0.0
+    a, b, c = (above[triangles[:, corner]] for corner in range(3))
+    faces = np.flatnonzero((a | b | c) & ~(a & b & c))
+    corners = triangles[faces].astype(np.int64)
+    up = above[corners]
+    crossed = up != np.roll(up, -1, axis=1)  # sides (0,1), (1,2), (2,0): two of the three
+    return faces, corners, (np.argmax(crossed, axis=1), 2 - np.argmax(crossed[:, ::-1], axis=1))
 
 
 def convex_hull(points: Points) -> list[tuple[float, ...]]:

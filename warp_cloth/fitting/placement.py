@@ -23,7 +23,6 @@ class LimbPlacement:
         """With the garments at these points [m], all finite, shape [V, 3]; garments without openings have none."""
         misplaced: list[tuple[Misplaced, ...]] = []
         pierced, sunk, slipped, first = False, False, False, 0
-        body = outfit.starting_avatar
         for garment, wearing in zip(outfit.garments, outfit.wearing, strict=True):
             own = points[first : first + len(garment.points)]
             first += len(garment.points)
@@ -33,5 +32,5 @@ class LimbPlacement:
             misplaced.append(tuple(wearing.misplaced(own)))
             pierced = pierced or bool(wearing.pierced(own))
             sunk = sunk or wearing.sunk(own)
-            slipped = slipped or (body is not None and bool(wearing.off_shoulders(own, body.points)))
+            slipped = slipped or bool(wearing.off_shoulders(own))
         return cls(tuple(misplaced), pierced, sunk, slipped)

@@ -10,13 +10,17 @@ from typing import Any
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Points
+from warp_cloth.fitting.attempts import end_crossings, relax_alone, start_where_left
 from warp_cloth.fitting.film import Dressing
 from warp_cloth.fitting.posed_start import start_posed
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse
 from warp_cloth.garment.outfit import Outfit
+from warp_cloth.model.attempt import Patience
+from warp_cloth.model.next_attempt import first_attempt
 from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.scene import Scene
 from warp_cloth.scene.predrape import predrape_scene_of
+from warp_cloth.solver.goal import Outcome
 from warp_cloth.solver.loop import relax_items
 
 CACHE_NAME = "predraped"
@@ -29,7 +33,7 @@ class _Draped:
     """Garments at rest in the fabric of their predrape."""
 
     points: Points | None  # [m], shape [V, 3]; None: they diverged
-    run: LevelRun
+    runs: tuple[LevelRun, ...]  # relaxations that this took
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +43,7 @@ class Predrape:
     keys: tuple[CacheArguments, ...]  # of each item's predrape in the cache
     missing: tuple[CacheArguments, ...]  # those not in the cache yet, each once
     problem: Problem | None  # the garments of the missing ones, in the fabric of their predrape
+    untangles: tuple[bool, ...]  # of these, whether what crosses goes on with contact
     cache: Cache
 
 
@@ -46,25 +51,27 @@ def build_predrape(problem: Problem, cache: Cache, clock: StageClock | None = No
     """The predrapes of the problem's scenes; None where the garments start as they are placed."""
     device = problem.model.device
     keys: list[CacheArguments] = []
-    missing: dict[Hashable, tuple[CacheArguments, Scene, Outfit]] = {}
-    for scene, outfit in zip(problem.scenes, problem.outfits, strict=True):
-        predrape_scene = predrape_scene_of(scene)
+    missing: dict[Hashable, tuple[CacheArguments, Scene, Outfit, bool]] = {}
+    for attempt, outfit in zip(problem.attempts, problem.outfits, strict=True):
+        predrape_scene = predrape_scene_of(attempt.scene)
         if predrape_scene is None:
             return None
         sources = (outfit.avatar, *outfit.predrape_garments)
-        keys.append((sources, predrape_scene.collision, predrape_scene.solver, device))
+        untangles = attempt.stated.collision.cloth is not False
+        keys.append((sources, predrape_scene.collision, predrape_scene.solver, device, untangles))
         key = cache.key(CACHE_NAME, *keys[-1])
         if key not in cache:
             missing[key] = (
                 keys[-1],
                 predrape_scene,
                 replace(outfit, garments=outfit.predrape_garments, predrape_garments=()),
+                untangles,
             )
     if not missing:
-        return Predrape(tuple(keys), (), None, cache)
-    missing_keys, scenes, outfits = zip(*missing.values(), strict=True)
+        return Predrape(tuple(keys), (), None, (), cache)
+    missing_keys, scenes, outfits, untangled = zip(*missing.values(), strict=True)
     own = build_problem(scenes, outfits, device, cache=cache, like=problem.model.vertex_count, clock=clock)
-    return Predrape(tuple(keys), missing_keys, own, cache)
+    return Predrape(tuple(keys), missing_keys, own, untangled, cache)
 
 
 def prepare_start(
@@ -99,7 +106,7 @@ def start_predraped(problem: Problem, predrape: Predrape) -> list[tuple[LevelRun
     ] = {}  # points on the device, and their box [m]: once for all fabrics
     for item, (sources, *values) in enumerate(predrape.keys):
         draped = predrape.cache.get_or_make(CACHE_NAME, sources, _not_relaxed, *values)
-        runs.append((draped.run,))
+        runs.append(draped.runs)
         points = draped.points
         if points is None:
             continue
@@ -113,12 +120,37 @@ def start_predraped(problem: Problem, predrape: Predrape) -> list[tuple[LevelRun
 
 
 def _relax_missing(problem: Problem, predrape: Predrape) -> None:
-    """Relaxes the missing predrapes, and puts them into the cache."""
+    """Relaxes the missing predrapes, and puts them into the cache.
+
+    What crosses there goes on with contact, once for all fabrics, each of which would cross there, too.
+    """
     outcomes = relax_items(problem.relaxation, problem.certifier, problem.goals(), follow=collider_updates(problem))
-    for (sources, *values), outcome in zip(predrape.missing, outcomes, strict=True):
-        points = None if outcome.status is Status.DIVERGED else outcome.points
-        run = LevelRun(len(outcome.points), outcome.iterations, outcome.status)
-        predrape.cache.get_or_make(CACHE_NAME, sources, partial(_Draped, points, run), *values)
+    crossings = end_crossings(problem, outcomes)
+    for item, ((sources, *values), outcome) in enumerate(zip(predrape.missing, outcomes, strict=True)):
+        if outcome.status is Status.DIVERGED:
+            make = partial(_Draped, None, (_run_of(outcome),))
+        elif predrape.untangles[item] and crossings[item].pairs:
+            make = partial(_untangled, problem, item, outcome, crossings[item].pairs, predrape.cache)
+        else:
+            make = partial(_Draped, outcome.points, (_run_of(outcome),))
+        predrape.cache.get_or_make(CACHE_NAME, sources, make, *values)
+
+
+def _untangled(problem: Problem, item: int, before: Outcome, pairs: int, cache: Cache) -> _Draped:
+    """A predrape from where so many pairs of triangles cross, with contact; as it was unless fewer do then."""
+    scene, outfit = problem.scenes[item], problem.loaded[item]
+    touching = scene.model_copy(update={"collision": scene.collision.model_copy(update={"cloth": True})})
+    attempt = replace(first_attempt(touching, outfit), patience=Patience.SHORT)
+    alone = build_problem([attempt], [outfit], problem.model.device, cache=cache)
+    start_where_left(alone, before)
+    after = relax_alone(alone)
+    (left,) = end_crossings(alone, [after])
+    is_better = after.status is not Status.DIVERGED and left.pairs < pairs
+    return _Draped(after.points if is_better else before.points, (_run_of(before), _run_of(after)))
+
+
+def _run_of(outcome: Outcome) -> LevelRun:
+    return LevelRun(len(outcome.points), outcome.iterations, outcome.status)
 
 
 def _not_relaxed() -> _Draped:
