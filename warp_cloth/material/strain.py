@@ -25,8 +25,7 @@ def face_strains(points: Points, sheet: Sheet) -> dict[str, Floats]:
     corners = points[sheet.triangles[used]]
     sides = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)  # columns are the sides from the first corner
     flat = np.swapaxes(sheet.flat[used, 1:] - sheet.flat[used, :1], 1, 2)
-    gradient = sides @ np.linalg.inv(flat)
-    u, v = gradient[:, :, 0], gradient[:, :, 1]
+    u, v = _along_axes(sides, flat)
     uu, vv, uv = (np.einsum("ij,ij->i", a, b) for a, b in ((u, u), (v, v), (u, v)))
     middle, half = 0.5 * (uu + vv), np.hypot(0.5 * (uu - vv), uv)
     found = {"strain": np.sqrt(middle + half) - 1.0}
@@ -37,6 +36,19 @@ def face_strains(points: Points, sheet: Sheet) -> dict[str, Floats]:
         found["strain_bias"] = np.sqrt(middle + np.abs(uv)) - 1.0
         found["shear"] = np.degrees(np.arcsin(np.clip(uv / size, -1.0, 1.0)))
     return {name: _filled(values, used) for name, values in found.items()}
+
+
+def _along_axes(sides: Floats, flat: Floats) -> tuple[Floats, Floats]:
+    """Where deformations take the unit vectors of the plane, shape [F, 3] each.
+
+    Args:
+        sides: two sides of each triangle as columns [m], shape [F, 3, 2].
+        flat: the same at rest, in the plane, shape [F, 2, 2].
+    """
+    (a, b), (c, d) = flat[:, 0].T, flat[:, 1].T
+    p, q = sides[:, :, 0], sides[:, :, 1]
+    size = (a * d - b * c)[:, None]
+    return (p * d[:, None] - q * c[:, None]) / size, (q * a[:, None] - p * b[:, None]) / size
 
 
 def _filled(values: Floats, used: NDArray[np.bool_]) -> Floats:
