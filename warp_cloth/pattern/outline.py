@@ -18,10 +18,12 @@ Ints = NDArray[np.int64]
 NARROW = 1.3  # spacing over the width of a strip: a rectangle so cut in two has no angle below 37 degrees
 BEND = 0.15  # [rad] that an edge of the mesh may turn: with it areas and lengths keep to 0.1 %
 LONGER = 5e-4  # of a curve's length, by which its polygon may be longer in order to keep the area
+AREA_KEPT = 5e-4  # of a panel's area, by which its polygon's may differ; thin panels need more than their curves give
 CLOSEST = 0.125  # of the asked spacing: no seam is finer, however narrow or bent the cloth is
 FACING = 0.5  # cosine between the inward normal and the way to a point beyond which it lies across the cloth
 OPEN = np.radians(4.0)  # least angle of a corner; less is opened, as cloth there is narrower than a thread
 HOLE_SIDES = 16  # of a hole's polygon at least
+GROWN = (0.98, 1.02)  # of a hole's polygon about its middle; one of 16 sides in a circle lacks 1.3 %
 REACH = 8  # vertices from a corner up to which edges that cross are parted
 ROUNDS = 2  # of passing spacings across seams and panels
 
@@ -88,7 +90,11 @@ def _hole(edges: Sequence[Curve], edge: float) -> tuple[Floats, Floats]:
     for curve in edges:
         count = max(2, int(np.ceil(curve.length / spacing)))
         points.append(curve.at(np.arange(count) / count))
-    return np.concatenate(points), np.full(sum(map(len, points)), spacing)
+    polygon = np.concatenate(points)
+    middle = polygon.mean(axis=0)
+    share = sum(curve.area for curve in edges) / max(_polygon_area(polygon), 1e-12)
+    grown = float(np.clip(np.sqrt(max(share, 0.0)), *GROWN))  # so that it encloses the hole's area
+    return middle + grown * (polygon - middle), np.full(len(polygon), spacing)
 
 
 def _runs(pattern: Pattern, seams: Sequence[Seam], edge: float) -> tuple[list[_Run], list[tuple[_Run, _Run]]]:
@@ -196,9 +202,10 @@ def _collected(
             edges += [run.piece.side.edge] * (len(shares) - 1)
             vertices[id(run)] = (start + np.arange(len(shares))) % total
             start += len(shares) - 1
-        opened, told = _opened(panel, np.concatenate(points), edges)
+        drawn = np.concatenate(points)
+        opened, told = _opened(panel, drawn, edges)
         notes += told
-        outlines.append(Outline(opened, np.concatenate(spacing), tuple(edges)))
+        outlines.append(Outline(_with_area(panel, drawn, opened, edges), np.concatenate(spacing), tuple(edges)))
     sewn = []
     for (one, other), seam in zip(pairs, seams, strict=True):
         there = vertices[id(other)][::-1] if seam.reverse else vertices[id(other)]
@@ -227,6 +234,36 @@ def _beside(run: _Run, shares: Floats) -> Floats:
     turns = (bends**2).sum(axis=1) * step**2
     wanted = run.length * (1.0 + min(LONGER, float(turns.mean()) / 48))
     return np.asarray(points + shift * np.clip((wanted - chords) / (moved - chords), 0.0, 3.0))
+
+
+def _with_area(panel: Panel, drawn: Floats, opened: Floats, edges: Sequence[int]) -> Floats:
+    """The outline with what its area lacks or exceeds beyond AREA_KEPT spread over curved and opened edges.
+
+    Their vertices between the corners are moved along the outline's normals, all by the same distance; those that the
+    opening of a corner moved stay.
+    """
+    around = sum(edge.curve.area for edge in panel.edges)
+    of = np.array(edges)
+    moved = (drawn != opened).any(axis=1)
+    free = np.isin(of, [k for k, edge in enumerate(panel.edges) if not edge.curve.is_line])
+    free = (free | np.isin(of, of[moved])) & ~moved & (of == np.roll(of, 1))
+    points = opened.copy()
+    for _ in range(2):  # the area is quadratic in the distance
+        excess = _polygon_area(points) - around
+        excess = np.sign(excess) * max(abs(excess) - AREA_KEPT * abs(around), 0.0)
+        along = 0.5 * (np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0))[free]
+        length = np.hypot(*along.T)
+        if excess == 0.0 or not length.sum() > 0.0:
+            break
+        outwards = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(length, 1e-300)[:, None]
+        points[free] -= outwards * (excess / length.sum())
+    return points
+
+
+def _polygon_area(points: Floats) -> float:
+    """Signed area of a polygon [m^2], vertices of shape [n, 2]."""
+    (x, y), (u, v) = points.T, np.roll(points, -1, axis=0).T
+    return 0.5 * float((x * v - y * u).sum())
 
 
 def _opened(panel: Panel, points: Floats, edges: Sequence[int]) -> tuple[Floats, list[str]]:
