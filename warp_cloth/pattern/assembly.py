@@ -14,7 +14,7 @@ from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.loading.load import content
 from warp_cloth.pattern.crowding import crowded_edges, parted
-from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.curve import Curve, Floats
 from warp_cloth.pattern.delaunay import Ints, OutlineError
 from warp_cloth.pattern.drafted import Draft, DraftOptions, drafted_pattern, read_draft
 from warp_cloth.pattern.figure import Figure
@@ -125,11 +125,16 @@ def _check_count(pattern: Pattern, edge: float) -> None:
         around = sum(each.curve.length for each in panel.edges)
         if not abs(panel.area) > 1e-6 * around**2:
             pattern.refuse(f'panel "{short(panel.name)}"', "has no area", "correct its outline")
-        box = float(np.prod(np.ptp(np.concatenate([each.curve.at(_EIGHTHS) for each in panel.edges]), axis=0)))
+        box = float(np.prod(np.ptp(np.concatenate([_hull(each.curve) for each in panel.edges]), axis=0)))
         count += max(abs(panel.area) / (np.sqrt(0.75) * edge**2), 0.05 * box / edge**2) + around / edge
     if count > MOST_VERTICES:
         problem = f"with edges of {1e3 * edge:g} mm its mesh would have some {count:,.0f} vertices"
         pattern.refuse("", problem, "check units_in_meter, or choose a longer edge_mm")
+
+
+def _hull(curve: Curve) -> Floats:
+    """Points about a curve: its control points, or places on an arc [m], shape [n, 2]."""
+    return curve.at(_EIGHTHS) if curve.turn else curve.points
 
 
 def _meshed(pattern: Pattern, sewn: SewnOutlines, edge: float) -> Flat:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -114,15 +115,22 @@ def _runs(pattern: Pattern, seams: Sequence[Seam], edge: float) -> tuple[list[_R
             pieces = sorted(sewn.get(side, [(Piece(side), -1, 0)]), key=lambda each: each[0].low)
             for piece, index, which in pieces:
                 count = steps[index] if index >= 0 else max(4, int(np.ceil(curve.length / edge)))
-                fractions = np.linspace(piece.low, piece.high, count + 1)
-                run = _Run(piece, curve, fractions, curve.at(fractions), np.full(count + 1, edge))
-                run.spacing = np.minimum(run.spacing, run.length / np.ceil(run.length / edge))
+                fractions = piece.low + (piece.high - piece.low) * _even(count)
+                points, bends = curve.with_bends(fractions)
+                length = curve.length * (piece.high - piece.low)
+                spacing = np.full(count + 1, min(edge, length / math.ceil(length / edge)))
                 if not curve.is_line:
-                    bend = np.linalg.norm(curve.bends(fractions), axis=1)
-                    run.spacing = np.minimum(run.spacing, np.maximum(BEND / np.maximum(bend, 1e-9), 0.25 * edge))
+                    bend = np.hypot(bends[:, 0], bends[:, 1])
+                    spacing = np.minimum(spacing, np.maximum(BEND / np.maximum(bend, 1e-9), 0.25 * edge))
+                run = _Run(piece, curve, fractions, points, spacing)
                 found[index, which] = run
                 runs.append(run)
     return runs, [(found[index, 0], found[index, 1]) for index in range(len(seams))]
+
+
+def _even(count: int) -> Floats:
+    """Fractions from 0 to 1, shape [count + 1]."""
+    return np.arange(count + 1) / count
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +148,7 @@ def _near(panel: Panel, runs: Sequence[_Run], edge: float) -> _Near:
 
     points = np.concatenate([run.points for run in runs])
     of = np.concatenate([np.full(len(run.points), run.piece.side.edge) for run in runs])
-    along = np.concatenate([np.gradient(run.points, axis=0) for run in runs])
+    along = np.concatenate([_along(run.points) for run in runs])
     inward = np.column_stack([-along[:, 1], along[:, 0]]) * np.sign(panel.area)
     inward /= np.maximum(np.hypot(*inward.T), 1e-300)[:, None]
     pairs = cKDTree(points).query_pairs((1.0 - CLOSEST) / GRADE * edge, output_type="ndarray").astype(np.int64)
@@ -154,6 +162,12 @@ def _near(panel: Panel, runs: Sequence[_Run], edge: float) -> _Near:
     width = np.full(len(points), np.inf)
     np.minimum.at(width, one[across], apart[across])
     return _Near(np.clip(NARROW * width, CLOSEST * edge, edge), pairs, apart)
+
+
+def _along(points: Floats) -> Floats:
+    """The way of a polyline at its points, shape [n, 2]."""
+    step = points[1:] - points[:-1]
+    return np.concatenate([step[:1], 0.5 * (step[1:] + step[:-1]), step[-1:]])
 
 
 def _grade(runs: Sequence[_Run], near: _Near) -> None:
@@ -180,8 +194,9 @@ def _divided(run: _Run, fewest: int) -> Floats:
     density = run.length / run.spacing
     total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))]) / (len(density) - 1)
     count = max(fewest, int(np.ceil(total[-1] - 0.1)))
-    even = np.linspace(0.0, 1.0, len(density))
-    return np.interp(np.linspace(0.0, total[-1], count + 1), total, even)
+    shares = np.interp(total[-1] * _even(count), total, _even(len(density) - 1))
+    shares[-1] = 1.0
+    return shares
 
 
 def _collected(
@@ -198,7 +213,7 @@ def _collected(
         for run in runs:
             shares = divided[id(run)]
             points.append(_beside(run, shares)[:-1])
-            spacing.append(np.interp(shares, np.linspace(0, 1, len(run.spacing)), run.spacing)[:-1])
+            spacing.append(np.interp(shares, _even(len(run.spacing) - 1), run.spacing)[:-1])
             edges += [run.piece.side.edge] * (len(shares) - 1)
             vertices[id(run)] = (start + np.arange(len(shares))) % total
             start += len(shares) - 1
@@ -221,19 +236,19 @@ def _beside(run: _Run, shares: Floats) -> Floats:
     the area; they are moved by three quarters, but not so that the length grows by more than LONGER.
     """
     fractions = run.piece.low + shares * (run.piece.high - run.piece.low)
-    points = run.curve.at(fractions)
     if run.curve.is_line or len(shares) < 3:
-        return points
+        return run.curve.at(fractions)
     step = 0.5 * run.length * (shares[2:] - shares[:-2])
-    bends = run.curve.bends(fractions[1:-1])
+    points, bends = run.curve.with_bends(fractions)
+    bends = bends[1:-1]
     shift = np.zeros_like(points)
     shift[1:-1] = -bends * (step**2 / 24)[:, None]
-    chords, moved = (float(np.hypot(*np.diff(p, axis=0).T).sum()) for p in (points, points + shift))
+    chords, moved = (float(np.hypot(*(p[1:] - p[:-1]).T).sum()) for p in (points, points + shift))
     if moved - chords <= 1e-9 * run.length:
         return points
-    turns = (bends**2).sum(axis=1) * step**2
+    turns = (bends[:, 0] ** 2 + bends[:, 1] ** 2) * step**2
     wanted = run.length * (1.0 + min(LONGER, float(turns.mean()) / 48))
-    return np.asarray(points + shift * np.clip((wanted - chords) / (moved - chords), 0.0, 3.0))
+    return np.asarray(points + shift * min(max((wanted - chords) / (moved - chords), 0.0), 3.0))
 
 
 def _with_area(panel: Panel, drawn: Floats, opened: Floats, edges: Sequence[int]) -> Floats:
@@ -243,6 +258,8 @@ def _with_area(panel: Panel, drawn: Floats, opened: Floats, edges: Sequence[int]
     opening of a corner moved stay.
     """
     around = sum(edge.curve.area for edge in panel.edges)
+    if abs(_polygon_area(opened) - around) <= AREA_KEPT * abs(around):
+        return opened
     of = np.array(edges)
     moved = (drawn != opened).any(axis=1)
     free = np.isin(of, [k for k, edge in enumerate(panel.edges) if not edge.curve.is_line])
@@ -250,7 +267,7 @@ def _with_area(panel: Panel, drawn: Floats, opened: Floats, edges: Sequence[int]
     points = opened.copy()
     for _ in range(2):  # the area is quadratic in the distance
         excess = _polygon_area(points) - around
-        excess = np.sign(excess) * max(abs(excess) - AREA_KEPT * abs(around), 0.0)
+        excess = math.copysign(max(abs(excess) - AREA_KEPT * abs(around), 0.0), excess)
         along = 0.5 * (np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0))[free]
         length = np.hypot(*along.T)
         if excess == 0.0 or not length.sum() > 0.0:
@@ -274,15 +291,14 @@ def _opened(panel: Panel, points: Floats, edges: Sequence[int]) -> tuple[Floats,
     count, moved, notes = len(points), points.copy(), []
     side = np.sign(panel.area)
     corners = [i for i in range(count) if edges[i] != edges[i - 1]]
+    first = _corner_angles(moved, side)
     for corner in corners:
+        if first[corner] >= OPEN:
+            continue
         steps = range(1, min(REACH, count // 3) + 1)
         ways = [[moved[(corner + sign * k) % count] - moved[corner] for k in steps] for sign in (1, -1)]
         ahead, behind = (np.arctan2(*np.array(way).T[::-1]) for way in ways)
-        angle = (
-            np.mod(side * (behind - ahead) + OPEN, 2.0 * np.pi) - OPEN
-        )  # of the cloth, a little below 0 where crossed
-        if angle[0] >= OPEN:
-            continue
+        angle = _of_cloth(side * (behind - ahead))
         until = np.flatnonzero((angle >= OPEN) & (angle < np.pi))
         if not len(until) or (angle[: until[0]] > OPEN).any():
             continue
@@ -294,7 +310,20 @@ def _opened(panel: Panel, points: Floats, edges: Sequence[int]) -> tuple[Floats,
                 to = moved[corner] + (c * way[0] - s * way[1], s * way[0] + c * way[1])
                 most = max(most, float(np.hypot(*(to - moved[(corner + sign * k + sign) % count]))))
                 moved[(corner + sign * (k + 1)) % count] = to
+        first = _corner_angles(moved, side)
         numbers = [panel.edges[edges[place]].number for place in (corner - 1, corner)]
         told = f'panel "{short(panel.name)}", edges {numbers[0]} and {numbers[1]} touch or cross at their corner'
         notes.append(f"{told}: opened by up to {1e3 * most:.2g} mm")
     return moved, notes
+
+
+def _corner_angles(points: Floats, side: float) -> Floats:
+    """The cloth's angle at each vertex of an outline [rad], shape [n]."""
+    step = np.roll(points, -1, axis=0) - points
+    ahead, behind = np.arctan2(step[:, 1], step[:, 0]), np.arctan2(-step[:, 1], -step[:, 0])
+    return _of_cloth(side * (np.roll(behind, 1) - ahead))
+
+
+def _of_cloth(angle: Floats) -> Floats:
+    """Angles [rad] as cloth has them: from -OPEN, a little below 0 where edges cross, to a turn less that."""
+    return np.asarray(np.mod(angle + OPEN, 2.0 * np.pi) - OPEN)

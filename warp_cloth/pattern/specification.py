@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NoReturn
 
 import numpy as np
@@ -48,7 +49,7 @@ class Panel:
             return self.wrap.placed(points)
         return np.asarray(points @ self.rotation[:, :2].T + self.translation)
 
-    @property
+    @cached_property
     def area(self) -> float:
         """Area in closed form [m^2], negative where the loop runs clockwise."""
         around = sum(edge.curve.area for edge in self.edges)
