@@ -229,6 +229,43 @@ def test_a_dart_closes_to_a_cone() -> None:
     assert area_of(mesh) == pytest.approx(0.09 - 0.5 * 0.04 * 0.12, rel=SAME)
 
 
+def fish_eye(bend: float = 0.0) -> dict[str, Any]:
+    """A square of 30 cm with a dart within it, 4 cm wide and 16 long, as edges 4 to 7, clockwise from its upper tip."""
+    dart = square()
+    dart["vertices"] += [[15, 23], [17, 15], [15, 7], [13, 15]]
+    dart["edges"] += [{"endpoints": [4 + n, 4 + (n + 1) % 4]} for n in range(4)]
+    for edge in dart["edges"][4:] if bend else ():
+        edge["curvature"] = {"type": "quadratic", "params": [[0.5, bend]]}
+    return dart
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.1, -0.05])
+def test_a_dart_within_a_panel_closes_to_two_cones(bend: float) -> None:
+    mesh = sewn({"back": fish_eye(bend)}, [("back", 4, "back", 7), ("back", 5, "back", 6)])
+    assert topology(mesh) == (1, 1)
+    segment = bend * (0.02**2 + 0.08**2) / 3  # between a leg and its chord
+    assert area_of(mesh) == pytest.approx(0.09 - 0.04 * 0.16 / 2 - 4 * segment, rel=1e-3)
+    if bend:
+        return
+    # what a circle about a tip lacks of a full turn is the dart's angle there
+    rest = mesh.texcoords
+    assert rest is not None
+    angle = np.zeros(mesh.vertex_count)
+    for k in range(3):
+        a, b = rest[:, (k + 1) % 3] - rest[:, k], rest[:, (k + 2) % 3] - rest[:, k]
+        np.add.at(angle, mesh.triangles[:, k], np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1)))
+    lacking = np.sort(2 * np.pi - angle[np.abs(angle - 2 * np.pi) > 0.2])
+    cone = 2 * math.atan2(2, 8)
+    # at the square's corners and along its sides half a turn or more is lacking; at the waist there is too much
+    np.testing.assert_allclose(lacking[lacking < 1.0], [-2 * cone, cone, cone], atol=1e-9)
+
+
+def test_a_hole_that_is_sewn_otherwise_is_refused() -> None:
+    for stitches in ([("back", 4, "back", 7)], [("back", 4, "back", 6), ("back", 5, "back", 7)]):
+        with pytest.raises(InputError, match='the hole in panel "back" is not sewn up from one corner to another'):
+            sewn({"back": fish_eye()}, stitches)
+
+
 def test_an_edge_sewn_to_itself_folds_in_the_middle() -> None:
     mesh = sewn({"square": square()}, [("square", 2, "square", 2)])
     assert topology(mesh) == (1, 1)

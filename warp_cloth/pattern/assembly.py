@@ -21,7 +21,7 @@ from warp_cloth.pattern.figure import Figure
 from warp_cloth.pattern.garmentcode import read_specification
 from warp_cloth.pattern.grade_table import grade_table_path, read_grade_table
 from warp_cloth.pattern.mesher import Flat, meshed
-from warp_cloth.pattern.outline import Outline, SewnOutlines, sewn_outlines
+from warp_cloth.pattern.outline import SewnOutlines, sewn_outlines
 from warp_cloth.pattern.sewing import Seam, seams_of
 from warp_cloth.pattern.specification import Pattern, short
 
@@ -145,7 +145,7 @@ def _meshed(pattern: Pattern, sewn: SewnOutlines, edge: float) -> Flat:
     try:
         flat = meshed(outlines, spacing, edge, sewn.holes)
     except OutlineError as error:
-        _refuse_outline(pattern, sewn.outlines, ways, error.places)
+        _refuse_outline(pattern, sewn, ways, error.places)
     order = np.arange(len(flat.points))
     start = 0
     for outline, way in zip(outlines, ways, strict=True):
@@ -154,14 +154,19 @@ def _meshed(pattern: Pattern, sewn: SewnOutlines, edge: float) -> Flat:
     return Flat(flat.points[order], order[flat.triangles], flat.panel[order], flat.origins)
 
 
-def _refuse_outline(
-    pattern: Pattern, outlines: Sequence[Outline], ways: Sequence[int], places: Sequence[int]
-) -> NoReturn:
+def _refuse_outline(pattern: Pattern, sewn: SewnOutlines, ways: Sequence[int], places: Sequence[int]) -> NoReturn:
+    outlines = sewn.outlines
+    holes = [panel for panel, points, _ in sewn.holes for _ in points]
     starts = np.cumsum([0, *(len(outline.points) for outline in outlines)])
     named: dict[int, set[int]] = {}
     for place in places:
         index = int(np.searchsorted(starts, place, side="right")) - 1
         if index >= len(outlines):
+            in_hole = place - int(starts[-1])
+            if in_hole < len(holes):
+                where = f'panel "{short(pattern.panels[holes[in_hole]].name)}"'
+                problem = "a hole or dart in it crosses itself, the outline or another one"
+                pattern.refuse(where, problem, "correct it, or remove it")
             continue
         own = place - int(starts[index])
         own = own if ways[index] > 0 else len(outlines[index].points) - 1 - own
@@ -209,6 +214,9 @@ def _sewn(pattern: Pattern, sewn: SewnOutlines, flat: Flat) -> tuple[Flat, Ints]
     none = np.zeros(0, dtype=np.int64)
     one = np.concatenate([none, *(starts[panel] + places for panel, places, _, _ in sewn.seams)])
     other = np.concatenate([none, *(starts[panel] + places for _, _, panel, places in sewn.seams)])
+    ends = starts[-1] + np.cumsum([0, *(len(points) for _, points, _ in sewn.holes)])[1:]  # holes run backwards
+    one = np.concatenate([one, *(ends[hole] - 1 - places for hole, places, _ in sewn.darts)])
+    other = np.concatenate([other, *(ends[hole] - 1 - places for hole, _, places in sewn.darts)])
     for _ in range(PARTING_ROUNDS):
         welded = connected_components(len(flat.points), one, other)
         crowded = crowded_edges(flat, welded)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warp_cloth.pattern.curve import Curve, Floats
 from warp_cloth.pattern.lattice import GRADE
 from warp_cloth.pattern.sewing import Piece, Seam
-from warp_cloth.pattern.specification import Panel, Pattern, Side, short
+from warp_cloth.pattern.specification import Dart, Panel, Pattern, Side, short
 
 Ints = NDArray[np.int64]
 
@@ -45,6 +45,7 @@ class SewnOutlines:
     outlines: tuple[Outline, ...]
     seams: tuple[tuple[int, Ints, int, Ints], ...]  # panel and vertices of either side, as they meet
     holes: tuple[tuple[int, Floats, Floats], ...] = ()  # panel, vertices of a hole counter-clockwise, their spacing
+    darts: tuple[tuple[int, Ints, Ints], ...] = ()  # hole, and its vertices on either side, as they meet
     notes: tuple[str, ...] = ()
 
 
@@ -80,8 +81,15 @@ def sewn_outlines(pattern: Pattern, seams: Sequence[Seam], edge: float) -> SewnO
     for run in runs:
         if id(run) not in divided:
             divided[id(run)] = _divided(run, 1 if run.curve.is_line else 2)
-    holes = tuple((n, *_hole(hole, edge)) for n, panel in enumerate(pattern.panels) for hole in panel.holes)
-    return replace(_collected(pattern, by_panel, divided, pairs, seams), holes=holes)
+    holes = [(n, *_hole(hole, edge)) for n, panel in enumerate(pattern.panels) for hole in panel.holes]
+    darts = []
+    for n, panel in enumerate(pattern.panels):
+        for dart in panel.darts:
+            points, spacing, half = _dart(dart, edge)
+            there = (len(points) - np.arange(half + 1)) % len(points)
+            darts.append((len(holes), np.arange(half + 1), there))
+            holes.append((n, points, spacing))
+    return replace(_collected(pattern, by_panel, divided, pairs, seams), holes=tuple(holes), darts=tuple(darts))
 
 
 def _hole(edges: Sequence[Curve], edge: float) -> tuple[Floats, Floats]:
@@ -96,6 +104,20 @@ def _hole(edges: Sequence[Curve], edge: float) -> tuple[Floats, Floats]:
     share = sum(curve.area for curve in edges) / max(_polygon_area(polygon), 1e-12)
     grown = float(np.clip(np.sqrt(max(share, 0.0)), *GROWN))  # so that it encloses the hole's area
     return middle + grown * (polygon - middle), np.full(len(polygon), spacing)
+
+
+def _dart(dart: Dart, edge: float) -> tuple[Floats, Floats, int]:
+    """Vertices round a dart within a panel [m], shape [n, 2], their spacing, and how many steps a side has."""
+    sides: list[list[Floats]] = [[], []]
+    for pair in zip(dart.one, dart.other[::-1], strict=True):
+        runs = [_drawn(Piece(Side(-1, -1)), curve, max(4, math.ceil(curve.length / edge)), edge) for curve in pair]
+        bent = any(not curve.is_line for curve in pair)
+        count = max(len(_divided(run, 2 if bent else 1)) for run in runs) - 1
+        for own, run in zip(sides, runs, strict=True):
+            own.append(_beside(run, _even(count))[:-1])
+    one, other = np.concatenate(sides[0]), np.concatenate(sides[1][::-1])
+    points = np.concatenate([one, other])
+    return points, np.minimum(np.hypot(*(np.roll(points, -1, axis=0) - points).T), edge), len(one)
 
 
 def _runs(pattern: Pattern, seams: Sequence[Seam], edge: float) -> tuple[list[_Run], list[tuple[_Run, _Run]]]:
@@ -115,17 +137,22 @@ def _runs(pattern: Pattern, seams: Sequence[Seam], edge: float) -> tuple[list[_R
             pieces = sorted(sewn.get(side, [(Piece(side), -1, 0)]), key=lambda each: each[0].low)
             for piece, index, which in pieces:
                 count = steps[index] if index >= 0 else max(4, int(np.ceil(curve.length / edge)))
-                fractions = piece.low + (piece.high - piece.low) * _even(count)
-                points, bends = curve.with_bends(fractions)
-                length = curve.length * (piece.high - piece.low)
-                spacing = np.full(count + 1, min(edge, length / math.ceil(length / edge)))
-                if not curve.is_line:
-                    bend = np.hypot(bends[:, 0], bends[:, 1])
-                    spacing = np.minimum(spacing, np.maximum(BEND / np.maximum(bend, 1e-9), 0.25 * edge))
-                run = _Run(piece, curve, fractions, points, spacing)
+                run = _drawn(piece, curve, count, edge)
                 found[index, which] = run
                 runs.append(run)
     return runs, [(found[index, 0], found[index, 1]) for index in range(len(seams))]
+
+
+def _drawn(piece: Piece, curve: Curve, count: int, edge: float) -> _Run:
+    """A piece of an edge with the spacing that its length and bends allow."""
+    fractions = piece.low + (piece.high - piece.low) * _even(count)
+    points, bends = curve.with_bends(fractions)
+    length = curve.length * (piece.high - piece.low)
+    spacing = np.full(count + 1, min(edge, length / math.ceil(length / edge)))
+    if not curve.is_line:
+        bend = np.hypot(bends[:, 0], bends[:, 1])
+        spacing = np.minimum(spacing, np.maximum(BEND / np.maximum(bend, 1e-9), 0.25 * edge))
+    return _Run(piece, curve, fractions, points, spacing)
 
 
 def _even(count: int) -> Floats:
