@@ -96,9 +96,7 @@ class PieceSpec(Table):
         description="How often it is cut as drawn, and mirrored: [1, 1] is a pair, [6, 0] six gores of a skirt; "
         "by default as stated.",
     )
-    darts: bool = Field(
-        default=True, description="Whether a V or diamond of inner lines is a dart, to be cut out and sewn."
-    )
+    darts: bool = Field(default=True, description="Whether a V or diamond of inner lines is a dart.")
 
 
 class Wearable(Table):
