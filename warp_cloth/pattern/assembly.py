@@ -217,15 +217,25 @@ def _sewn(pattern: Pattern, sewn: SewnOutlines, flat: Flat) -> tuple[Flat, Ints]
     ends = starts[-1] + np.cumsum([0, *(len(points) for _, points, _ in sewn.holes)])[1:]  # holes run backwards
     one = np.concatenate([one, *(ends[hole] - 1 - places for hole, places, _ in sewn.darts)])
     other = np.concatenate([other, *(ends[hole] - 1 - places for hole, _, places in sewn.darts)])
+    layered = _layered(starts, sewn)
     for _ in range(PARTING_ROUNDS):
         welded = connected_components(len(flat.points), one, other)
-        crowded = crowded_edges(flat, welded)
+        crowded = crowded_edges(flat, welded, layered)
         if not len(crowded):
             return flat, welded
         flat = parted(flat, welded, crowded)
     a = int(flat.triangles.ravel()[crowded[0]])
     place = f'panel "{short(pattern.panels[int(flat.panel[a])].name)}"'
     pattern.refuse(place, "is so small or narrow that its seams lie on each other", "choose a shorter edge_mm")
+
+
+def _layered(starts: Ints, sewn: SewnOutlines) -> Ints:
+    """Vertices of outlines on seams of three panels or more."""
+    sides = [starts[panel] + places for panel, places, _, _ in sewn.seams]
+    keys = [(int(places[0]), int(places[1])) for places in sides]
+    layers = [k for k, key in enumerate(keys) if keys.count(key) > 1]
+    found = [each for k in layers for each in (sides[k], starts[sewn.seams[k][2]] + sewn.seams[k][3])]
+    return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.int64)
 
 
 def _placed(pattern: Pattern, flat: Flat, welded: Ints) -> Floats:

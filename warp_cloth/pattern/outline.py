@@ -76,7 +76,9 @@ def sewn_outlines(pattern: Pattern, seams: Sequence[Seam], edge: float) -> SewnO
             _share(one, other, seam.reverse)
     divided: dict[int, Floats] = {}
     for (one, other), seam in zip(pairs, seams, strict=True):
-        shares = _divided(one, 2 if not (one.curve.is_line and other.curve.is_line) else 1)
+        shares = divided.get(id(one))  # there already where other layers are sewn to it
+        if shares is None:
+            shares = _divided(one, 2 if not (one.curve.is_line and other.curve.is_line) else 1)
         divided[id(one)], divided[id(other)] = shares, 1.0 - shares[::-1] if seam.reverse else shares
     for run in runs:
         if id(run) not in divided:
@@ -122,23 +124,29 @@ def _dart(dart: Dart, edge: float) -> tuple[Floats, Floats, int]:
 
 def _runs(pattern: Pattern, seams: Sequence[Seam], edge: float) -> tuple[list[_Run], list[tuple[_Run, _Run]]]:
     """Runs of all edges in the order of the loops, and those of each seam."""
-    sewn: dict[Side, list[tuple[Piece, int, int]]] = {}
+    sewn: dict[Side, dict[Piece, list[tuple[int, int]]]] = {}
     steps = []
     for index, seam in enumerate(seams):
         lengths = [pattern.panels[p.side.panel].edges[p.side.edge].curve.length * (p.high - p.low) for p in seam.pieces]
-        steps.append(max(4, int(np.ceil(max(lengths) / edge))))
+        steps.append(max(4, math.ceil(max(lengths) / edge)))
         for which, piece in enumerate(seam.pieces):
-            sewn.setdefault(piece.side, []).append((piece, index, which))
+            sewn.setdefault(piece.side, {}).setdefault(piece, []).append((index, which))
+    for _ in range(2):  # all layers of a seam have as many steps
+        for pieces in sewn.values():
+            for places in pieces.values():
+                most = max(steps[index] for index, _ in places)
+                for index, _ in places:
+                    steps[index] = most
     runs: list[_Run] = []
     found: dict[tuple[int, int], _Run] = {}
     for panel_index, panel in enumerate(pattern.panels):
         for edge_index, drawn in enumerate(panel.edges):
             side, curve = Side(panel_index, edge_index), drawn.curve
-            pieces = sorted(sewn.get(side, [(Piece(side), -1, 0)]), key=lambda each: each[0].low)
-            for piece, index, which in pieces:
-                count = steps[index] if index >= 0 else max(4, int(np.ceil(curve.length / edge)))
+            for piece, places in sorted(sewn.get(side, {Piece(side): []}).items(), key=lambda each: each[0].low):
+                count = steps[places[0][0]] if places else max(4, math.ceil(curve.length / edge))
                 run = _drawn(piece, curve, count, edge)
-                found[index, which] = run
+                for place in places:
+                    found[place] = run
                 runs.append(run)
     return runs, [(found[index, 0], found[index, 1]) for index in range(len(seams))]
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, NoReturn, Protocol
 
 from warp_cloth.pattern.specification import MOST_STITCHES, Panel, Side, Stitch, short
 
+MOST_LAYERS = 8  # of cloth at one seam
 WRONG_SIDE = "right_wrong"
 
 
@@ -83,7 +84,8 @@ class StitchReader:
         for number, stitch in enumerate(listed):
             place = f"stitch {number}"
             stated_sides, stated = self._stated(stitch, place)
-            for pair_of_sides in self._paired(stated_sides, place):
+            pairs = [pair for other in stated_sides[1:] for pair in self._paired([stated_sides[0], other], place)]
+            for pair_of_sides in pairs:
                 if any(isinstance(side, _InHole) for side in pair_of_sides):
                     self.legs.append(self._legs(number, place, *pair_of_sides))
                     continue
@@ -101,7 +103,7 @@ class StitchReader:
         return tuple(stitches.values())
 
     def _stated(self, stitch: Any, place: str) -> tuple[list[Any], bool | None]:
-        """The two sides of a stitch, and whether right is sewn to wrong; None: not stated."""
+        """The sides of a stitch, two or more layers, and whether right is sewn to wrong; None: not stated."""
         entries = list(stitch.values()) if isinstance(stitch, Mapping) else stitch
         if not isinstance(entries, list):
             self.refuse(place, "is not a pair of edges")
@@ -111,9 +113,7 @@ class StitchReader:
             entry for entry in entries if isinstance(entry, list) or (isinstance(entry, Mapping) and "panel" in entry)
         ]
         rest = [entry for entry in entries if not any(entry is side for side in sides)]
-        if len(sides) > 2:
-            self.refuse(place, f"sews {len(sides)} edges together", "cloth has at most two panels at a seam: sew two")
-        if len(sides) != 2 or len(rest) > 2:
+        if not 2 <= len(sides) <= MOST_LAYERS or len(rest) > 2:
             self.refuse(place, "is not a pair of edges")
         stated: bool | None = None
         for entry in rest:
