@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from dxf_patterns import GARMENTS, STYLES, write
 from test_fuzz_patterns import sound
-from test_pattern import area_of, fish_eye, specification, topology
+from test_pattern import area_of, specification, topology
+from test_pattern_seams import fish_eye
 
 from warp_cloth.export.pattern_json import PER_METRE, meshed_specification
 from warp_cloth.pattern import read_pattern, sewn_pattern

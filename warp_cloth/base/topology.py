@@ -27,7 +27,9 @@ class Topology:
     hinge_edges: Indices  # edge of each hinge, shape [H]
     hinge_triangles: Indices  # its two triangles, shape [H, 2]
     hinges: Indices  # axis start, axis end, wing of the first and of the second triangle, shape [H, 4]
-    rims: tuple[Indices, ...] | None = None  # edges with one triangle, by sheet, where more than two meet at others
+    rims: tuple[NDArray[np.int64], ...] | None = (
+        None  # edges with one triangle, by sheet, where more than two meet at others
+    )
 
     @cached_property
     def boundary_loops(self) -> tuple[Indices, ...]:
