@@ -4,9 +4,9 @@
 
 Every process is started anew, imports the program, and takes its share of ``--count`` specifications, from the first of
 FOLDER/specs on, each with a process's single core. ``meshed``: read, meshed, sewn. ``ready``: a scene's garment in
-cotton, with its rest shape and stiffness. Times are of the CPU, so that others on the machine count little; rates are of
-one core, the start included; ``times_16`` is that of 16 such
-cores for 1,000 specifications, computed from the start and the time of a specification, not measured.
+cotton, with its rest shape and stiffness. Times are of the CPU, so that others on the machine count little. Rates are
+of one core, the start included; ``times_16`` is that of 16 such cores for 1,000 specifications, computed from the start
+and the time of a specification, not measured.
 """
 
 from __future__ import annotations
