@@ -139,12 +139,21 @@ def test_a_diamond_is_a_dart_within(lines: list[list[Point]]) -> None:
         [(0.35, 0.18), (0.2, 0.2), (0.35, 0.22)],  # a V that ends within
         [(0.4, 0.18), (0.3, 0.2), (0.32, 0.21)],  # of legs that differ
         [(0.1, 0.1), (0.3, 0.3)],
+        [(0.4, 0.2), (0.3, 0.2), (0.4, 0.2)],  # there and back
+        [(0.2, 0.3), (0.201, 0.2), (0.2, 0.1), (0.199, 0.2), (0.2, 0.3)],  # as good as a line
     ],
 )
 def test_other_inner_lines_are_left(line: list[Point]) -> None:
     made = cut(line)
     assert np.array_equal(made.outline, SQUARE)
     assert not made.inner
+
+
+def test_lines_that_cross_are_no_darts() -> None:
+    made = cut([MOUTHS[0], TIP, MOUTHS[1]], [(0.34, 0.4), (0.36, 0.1), (0.38, 0.4)])
+    assert np.array_equal(made.outline, SQUARE)
+    (dart,) = cut([*EYE_POINTS, EYE_POINTS[0]], [(x + 0.01, y) for x, y in [*EYE_POINTS, EYE_POINTS[0]]]).inner
+    assert sum(leg.area for leg in dart.loop) == pytest.approx(0.5 * 0.04 * 0.2)
 
 
 def test_a_round_dart_keeps_its_legs() -> None:

@@ -22,8 +22,12 @@ TIP = np.radians(110.0)  # how far a line turns back at a dart's tip, as in an o
 ALIKE = 0.05  # relative difference of a dart's legs, as in an outline
 JOINED = 1e-3  # [m] between ends that are one
 AT_OUTLINE = 5e-3  # [m] from a leg's end to the outline that it is led on to
-SHORTEST, WIDEST = 0.02, 0.15  # [m] of a leg, and between a V's legs at the outline
+SHORTEST = 0.02  # [m] of a leg
+NARROWEST, WIDEST = 3e-3, 0.15  # [m] between legs: at the outline, or in the mean half of a diamond
 MOST_LEGS = 200  # of a piece: more are no darts, but a drawing
+
+
+_Mouth = tuple[float, float, Floats]  # where along the outline a V starts and ends [m], and its line, shape [n, 2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,22 +43,55 @@ class Cut:
 def with_darts(outline: Floats, lines: Sequence[Floats]) -> Cut:
     """An outline [m], shape [n, 2], counter-clockwise, cut by the darts that inner lines show."""
     legs = _legs(lines)
+    if len(legs) > MOST_LEGS:
+        return Cut(outline, np.zeros((0, 2)), (), ())
+    mouths = sorted(_vs(outline, legs), key=lambda mouth: mouth[0])
+    made, removed = _opened(outline, mouths)
+    if mouths and _crosses(made, [line for _, _, line in mouths]):  # lines of a drawing
+        mouths, made, removed = [], outline, []
+    corners = [line[[0, _tip(line), -1]] for _, _, line in mouths]
     inner: list[Dart] = []
-    mouths: list[tuple[float, float, Floats]] = []  # where along the outline a V starts and ends, and its line
-    if len(legs) <= MOST_LEGS:
-        inner = list(_fish_eyes(outline, legs))
-        mouths = _vs(outline, legs)
+    for dart in _fish_eyes(legs):
+        fine = _fine(dart)
+        if inside(made, fine).all() and not any(_meet(fine, _fine(other)) for other in inner):
+            inner.append(dart)
+    return Cut(made, np.concatenate(corners) if corners else np.zeros((0, 2)), tuple(removed), tuple(inner))
+
+
+def _opened(outline: Floats, mouths: Sequence[_Mouth]) -> tuple[Floats, list[Floats]]:
+    """The outline with the legs of Vs, sorted along it, instead of what lies between them, which is returned, too."""
     if not mouths:
-        return Cut(outline, np.zeros((0, 2)), (), tuple(inner))
+        return outline, []
     reach = _reach(outline)
     kept: list[Floats] = []
     removed = []
-    mouths.sort(key=lambda mouth: mouth[0])
     for (start, end, line), (following, _, _) in zip(mouths, [*mouths[1:], mouths[0]], strict=True):
         kept += [line, _between(outline, reach, end, following)]
         removed.append(np.concatenate([line[:1], _between(outline, reach, start, end), line[-1:]]))
-    corners = np.concatenate([np.stack([line[0], line[_tip(line)], line[-1]]) for _, _, line in mouths])
-    return Cut(np.concatenate(kept), corners, tuple(removed), tuple(inner))
+    return np.concatenate(kept), removed
+
+
+def _crosses(loop: Floats, lines: Sequence[Floats]) -> bool:
+    """Whether sides of a polygon are crossed by lines that are parts of it."""
+    start, step = loop, np.roll(loop, -1, axis=0) - loop
+    own = np.concatenate([line[:-1] for line in lines])
+    way = np.concatenate([np.diff(line, axis=0) for line in lines])
+    away = start[None] - own[:, None]
+    across = way[:, None, 0] * step[None, :, 1] - way[:, None, 1] * step[None, :, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        here = (away[..., 0] * step[None, :, 1] - away[..., 1] * step[None, :, 0]) / across
+        there = (away[..., 0] * way[:, None, 1] - away[..., 1] * way[:, None, 0]) / across
+    inner = (here > 1e-9) & (here < 1.0 - 1e-9) & (there > 1e-9) & (there < 1.0 - 1e-9)
+    return bool((inner & np.isfinite(across)).any())
+
+
+def _fine(dart: Dart) -> Floats:
+    """Points along a dart's legs but for its tips, shape [n, 2]."""
+    return np.concatenate([leg.at(np.linspace(0.02, 0.98, 25)) for leg in dart.loop])
+
+
+def _meet(one: Floats, other: Floats) -> bool:
+    return bool(inside(one, other).any() or inside(other, one).any())
 
 
 def turned(dart: Dart, matrix: Floats, shift: Floats) -> Dart:
@@ -114,7 +151,7 @@ def _join_one(parts: list[Floats]) -> bool:
     return False
 
 
-def _fish_eyes(outline: Floats, legs: Sequence[Floats]) -> Iterable[Dart]:
+def _fish_eyes(legs: Sequence[Floats]) -> Iterable[Dart]:
     """Darts of two legs between the same two tips."""
     groups: list[list[Floats]] = []
     for leg in legs:
@@ -131,11 +168,12 @@ def _fish_eyes(outline: Floats, legs: Sequence[Floats]) -> Iterable[Dart]:
     for group in groups:
         bulge = [area_of(leg) if len(leg) > 2 else 0.0 for leg in group]
         right, left = group[int(np.argmax(bulge))], group[int(np.argmin(bulge))]
-        if len(group) < 2 or not max(bulge) > 0.0 > min(bulge) or not _alike(right, left):
+        wide = (max(bulge) - min(bulge)) / float(np.hypot(*(right[-1] - right[0])))
+        if len(group) < 2 or not max(bulge) > 0.0 > min(bulge) or wide < NARROWEST or not _alike(right, left):
             continue
         ends = [(right[1] - right[0], left[1] - left[0]), (right[-2] - right[-1], left[-2] - left[-1])]
         sharp = all(abs(float(_turn(-a[None], b[None])[0])) > TIP for a, b in ends)
-        if sharp and inside(outline, np.concatenate([right, left])).all():
+        if sharp:
             sides = _parted(Chain(right)), _parted(Chain(left[::-1]))
             if len(sides[0]) != len(sides[1]):
                 sides = (Chain(right),), (Chain(left[::-1]),)
@@ -147,13 +185,13 @@ def _parted(leg: Chain) -> tuple[Chain, ...]:
     return tuple(Chain(leg.points[k : k + 2]) for k in range(len(leg.points) - 1)) if len(leg.points) <= 3 else (leg,)
 
 
-def _vs(outline: Floats, legs: Sequence[Floats]) -> list[tuple[float, float, Floats]]:
+def _vs(outline: Floats, legs: Sequence[Floats]) -> list[_Mouth]:
     """Darts of two legs from one tip to the outline: where on it they begin and end, and their line."""
     found = [mouth for one, other in combinations(legs, 2) for mouth in _v(outline, one, other)]
     # of a tip's legs and the fold between them, the outer two are the dart; no dart begins within another
     found.sort(key=lambda mouth: (-float(np.hypot(*(mouth[2][-1] - mouth[2][0]))), mouth[0]))
     whole = float(_reach(outline)[-1])
-    kept: list[tuple[float, float, Floats]] = []
+    kept: list[_Mouth] = []
     for start, end, line in found:
         tip = line[_tip(line)]
         if all(
@@ -166,7 +204,7 @@ def _vs(outline: Floats, legs: Sequence[Floats]) -> list[tuple[float, float, Flo
     return kept
 
 
-def _v(outline: Floats, one: Floats, other: Floats) -> Iterable[tuple[float, float, Floats]]:
+def _v(outline: Floats, one: Floats, other: Floats) -> Iterable[_Mouth]:
     for a in (one, one[::-1]):
         for b in (other, other[::-1]):
             sharp = abs(float(_turn(a[:1] - a[1:2], b[1:2] - b[:1])[0])) > TIP
@@ -176,7 +214,7 @@ def _v(outline: Floats, one: Floats, other: Floats) -> Iterable[tuple[float, flo
             if mouth[0] is None or mouth[1] is None:
                 continue
             (leg, at), (back, there) = mouth[0], mouth[1]
-            if not _alike(leg, back) or np.hypot(*(leg[-1] - back[-1])) > WIDEST:
+            if not _alike(leg, back) or not NARROWEST <= np.hypot(*(leg[-1] - back[-1])) <= WIDEST:
                 continue
             if (there - at) % 1.0 > 0.5:
                 (leg, at), (back, there) = (back, there), (leg, at)
