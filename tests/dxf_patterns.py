@@ -28,6 +28,7 @@ class Drafted:
     quantity: str = "1"
     fold: tuple[Point, Point] | None = None
     notches: list[Point] = field(default_factory=list)
+    inner: list[list[Point]] = field(default_factory=list)  # lines on layer 8
 
 
 def line(*points: Point) -> list[Point]:
@@ -296,6 +297,8 @@ def _draw(block: Any, piece: Drafted, size: str, turn: Any, style: Style) -> Non
     x, low, high = 0.5 * (min(xs) + max(xs)), min(ys), max(ys)
     grain = placed([(x, low + 0.2 * (high - low)), (x, high - 0.2 * (high - low))])
     block.add_line(*grain, dxfattribs={"layer": "7"})
+    for points in piece.inner:
+        block.add_polyline2d(placed(points), dxfattribs={"layer": "8"})
     if piece.fold is not None:
         block.add_line(*placed(piece.fold), dxfattribs={"layer": "6"})
     for number, text in enumerate((f"Piece Name: {piece.name}", f"Size: {size}", f"Quantity: {piece.quantity}")):

@@ -154,6 +154,18 @@ def test_a_disc_keeps_area_and_rim() -> None:
     assert area_of(sewn_mesh(pattern, "disc", edge=EDGE)) == pytest.approx(math.pi * 0.04, rel=1e-3)
 
 
+def test_a_thin_panel_whose_corners_are_opened_keeps_its_area() -> None:
+    # a trapezoid less the segment of a circle, whose tangent leaves both corners within a degree of the legs
+    chord, inset, half, leg = 0.2, 0.04, math.radians(53), math.radians(54)
+    height, radius = inset * math.tan(leg), chord / (2 * math.sin(half))
+    thin = panel([[0, 0], [20, 0], [16, 100 * height], [4, 100 * height]])
+    thin["edges"][0]["curvature"] = {"type": "circle", "params": [100 * radius, 0, 0]}
+    mesh = sewn({"thin": thin}, [])
+    area = (chord - inset) * height - radius**2 * (half - 0.5 * math.sin(2 * half))
+    assert len(mesh.notes) == 2  # both corners
+    assert area_of(mesh) == pytest.approx(area, rel=1e-3)
+
+
 def test_panels_are_placed_by_euler_angles_about_fixed_axes() -> None:
     mesh = sewn({"a": square(translation=[10, 20, 30], rotation=[90, 0, 90])}, [])
     # about x: (x, y, 0) -> (x, 0, y); about z: -> (0, x, y)

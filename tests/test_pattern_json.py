@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from dxf_patterns import GARMENTS, STYLES, write
 from test_fuzz_patterns import sound
-from test_pattern import area_of, topology
+from test_pattern import area_of, specification, topology
+from test_pattern_seams import fish_eye
 
 from warp_cloth.export.pattern_json import PER_METRE, meshed_specification
 from warp_cloth.pattern import read_pattern, sewn_pattern
@@ -29,6 +30,15 @@ def test_a_specification_is_written_as_it_was() -> None:
     np.testing.assert_array_equal(second.mesh.triangles, first.mesh.triangles)
     np.testing.assert_allclose(second.mesh.points, first.mesh.points, atol=1e-9)
     assert second.mesh.notes == ()
+
+
+def test_darts_within_panels_are_written_as_they_were() -> None:
+    stitches = [("back", 4, "back", 7), ("back", 5, "back", 6)]
+    spec = specification({"back": fish_eye(0.1)}, stitches)
+    first = sewn_pattern(read_specification("s.json", spec), "s", edge=EDGE)
+    second = again(meshed_specification(first))
+    assert topology(second.mesh) == topology(first.mesh) == (1, 1)
+    assert area_of(second.mesh) == pytest.approx(area_of(first.mesh), rel=1e-3)
 
 
 @pytest.mark.parametrize("garment", GARMENTS)

@@ -52,8 +52,8 @@ def many_panels(tree: dict[str, Any]) -> None:
 
 
 def cyclic(tree: dict[str, Any]) -> None:
-    tree["pattern"]["panels"]["third"] = square(translation=[40, 0, 0])
-    sew(("front", 1, "back", 2), ("back", 2, "third", 3), ("third", 3, "front", 1))(tree)
+    tree["pattern"]["panels"] |= {"third": square(translation=[40, 0, 0]), "fourth": square(translation=[40, 0, 9])}
+    sew(("front", 1, "back", 2), ("back", 2, "third", 3), ("third", 3, "fourth", 1), ("fourth", 1, "front", 1))(tree)
 
 
 def crossed(tree: dict[str, Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -133,6 +134,13 @@ def test_a_loop_within_the_outline_is_a_hole(tmp_path: Path) -> None:
     assert area_of(mesh) == pytest.approx(0.17, rel=1e-9)
     assert mesh.notes == ('panel "front": 1 of its loops are holes in it',)
     holds_its_promise(mesh)
+
+
+def test_a_round_hole_keeps_its_area(tmp_path: Path) -> None:
+    tree = holed()
+    for edge in tree["pattern"]["panels"]["front"]["edges"][4:]:
+        edge["curvature"] = {"type": "circle", "params": [5 * math.sqrt(2), 0, 1]}
+    assert area_of(loaded(tree, tmp_path)) == pytest.approx(0.18 - math.pi * 0.05**2 * 2, rel=1e-6)
 
 
 def test_what_sews_the_rim_of_a_hole_is_refused(tmp_path: Path) -> None:

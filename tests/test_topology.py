@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from warp_cloth.base import topology
-from warp_cloth.base.topology import ragged_rows, sorted_unique, stable_argsort
+from warp_cloth.base.topology import build_topology, ragged_rows, sorted_unique, stable_argsort
 
 
 @pytest.mark.parametrize("group", [4, 1 << 15])
@@ -34,3 +34,19 @@ def test_sorted_keys_are_the_different_ones() -> None:
 def test_rows_of_owners_hold_their_entries_as_they_stood() -> None:
     start, order = ragged_rows(np.array([2, 0, 2, 2, 0]), 4)
     assert [order[a:b].tolist() for a, b in pairwise(start)] == [[1, 4], [], [0, 2, 3], []]
+
+
+def test_a_layer_sewn_to_a_tube_leaves_its_openings() -> None:
+    """A tube of two rings of twelve, and a flap on one of its lines from rim to rim."""
+    count, rows = 12, 3
+    at = np.arange(count * rows).reshape(rows, count)
+    a, b, c, d = at[:-1], np.roll(at, -1, axis=1)[:-1], np.roll(at, -1, axis=1)[1:], at[1:]
+    tube = np.concatenate([np.stack([a, b, c], axis=-1).reshape(-1, 3), np.stack([a, c, d], axis=-1).reshape(-1, 3)])
+    seam, free = at[:, 0], at.size + np.arange(rows)
+    flap = [(seam[k], free[k], free[k + 1]) for k in range(rows - 1)]
+    flap += [(seam[k], free[k + 1], seam[k + 1]) for k in range(rows - 1)]
+    for layer in (np.array(flap), np.array(flap)[:, ::-1]):
+        made = build_topology(np.concatenate([layer, tube]).astype(np.int32), at.size + rows)
+        assert sorted(sorted(loop.tolist()) for loop in made.boundary_loops) == [at[0].tolist(), at[-1].tolist()]
+        rim, joined = 2 * count + rows + 1, rows - 1  # edges of one triangle, and of three
+        assert len(made.hinges) == len(made.edges) - rim - joined

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.layers import sheet_rims
 from warp_cloth.base.mesh import Indices
 from warp_cloth.base.threads import map_in_threads
 
@@ -25,32 +27,47 @@ class Topology:
     hinge_edges: Indices  # edge of each hinge, shape [H]
     hinge_triangles: Indices  # its two triangles, shape [H, 2]
     hinges: Indices  # axis start, axis end, wing of the first and of the second triangle, shape [H, 4]
+    rims: tuple[NDArray[np.int64], ...] | None = (
+        None  # edges with one triangle, by sheet, where more than two meet at others
+    )
 
     @cached_property
     def boundary_loops(self) -> tuple[Indices, ...]:
         """Vertices along each closed line of edges with a single triangle, the longest loop first."""
-        border = self.edges[np.bincount(self.triangle_edges.ravel(), minlength=len(self.edges)) == 1]
-        following: dict[int, list[int]] = {}
-        for a, b in border.tolist():
-            following.setdefault(a, []).append(b)
-            following.setdefault(b, []).append(a)
-        loops = []
-        while following:
-            loop = [next(iter(following))]
-            while following.get(loop[-1]):
-                here = loop[-1]
-                there = following[here].pop()
-                following[there].remove(here)
-                loop.append(there)
-            for vertex in loop:
-                if not following.get(vertex, True):
-                    del following[vertex]
-            loops.append(np.array(loop[:-1] or loop, dtype=np.int32))
+        if self.rims is None:
+            alone = np.bincount(self.triangle_edges.ravel(), minlength=len(self.edges)) == 1
+            return self._loops([self.edges[alone]])
+        return self._loops([self.edges[rim] for rim in self.rims])
+
+    @staticmethod
+    def _loops(borders: Sequence[Indices]) -> tuple[Indices, ...]:
+        loops = [loop for border in borders for loop in _walked(border)]
         return tuple(sorted((loop for loop in loops if len(loop) > 2), key=len, reverse=True))
 
 
+def _walked(border: Indices) -> list[Indices]:
+    """The vertices along each closed line of edges, shape [N] each."""
+    following: dict[int, list[int]] = {}
+    for a, b in border.tolist():
+        following.setdefault(a, []).append(b)
+        following.setdefault(b, []).append(a)
+    loops = []
+    while following:
+        loop = [next(iter(following))]
+        while following.get(loop[-1]):
+            here = loop[-1]
+            there = following[here].pop()
+            following[there].remove(here)
+            loop.append(there)
+        for vertex in loop:
+            if not following.get(vertex, True):
+                del following[vertex]
+        loops.append(np.array(loop[:-1] or loop, dtype=np.int32))
+    return loops
+
+
 def build_topology(triangles: Indices, vertex_count: int) -> Topology:
-    """Edges and hinges of triangles, shape [F, 3], of which one or two meet at every edge."""
+    """Edges and hinges of triangles, shape [F, 3]; where more than two meet at an edge, it has no hinge."""
     corners = np.asarray(triangles, dtype=np.int64)
     starts = corners.ravel()
     ends = np.roll(corners, -1, axis=1).ravel()
@@ -74,6 +91,7 @@ def build_topology(triangles: Indices, vertex_count: int) -> Topology:
         hinge_edges=inner.astype(np.int32),
         hinge_triangles=(pair // 3).astype(np.int32),
         hinges=np.concatenate([axis, wings], axis=1).astype(np.int32),
+        rims=sheet_rims(corners, edge_of_side, len(unique)) if (count > 2).any() else None,
     )
 
 

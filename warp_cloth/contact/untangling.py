@@ -30,7 +30,8 @@ def sheet_untangling(sheets: Sheets, garments: Sequence[Garment], permutation: P
         third = np.roll(garment.triangles, -2, axis=1).ravel() + first
         order = np.argsort(sides, kind="stable")
         rank = np.arange(len(sides)) - np.searchsorted(sides[order], sides[order])
-        of_edge[sides[order], rank] = third[order]
+        two = rank < 2  # a seam of three panels has three triangles at an edge: it is drawn out of a crossing by two
+        of_edge[sides[order][two], rank[two]] = third[order][two]
         wings.append(of_edge)
         rim[topology.edges[of_edge[:, 1] < 0].ravel() + first] = 1
     untangling.wings = wp.array(permutation.of(np.concatenate(wings)), dtype=wp.vec2i)

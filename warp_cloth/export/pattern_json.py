@@ -51,6 +51,12 @@ def meshed_specification(sewn: SewnPattern) -> dict[str, Any]:
                 for side, at in ends
             ]
             stitches.append([*sides, *stated])
+    for panel, own in zip(pattern.panels, first, strict=True):
+        loops = _inner(panel)
+        starts = np.cumsum([own[-1], *map(len, loops)]).tolist()
+        for start, loop in list(zip(starts[:-1], loops, strict=True))[len(panel.holes) :]:
+            pairs = [(start + k, start + len(loop) - 1 - k) for k in range(len(loop) // 2)]
+            stitches += [[{"panel": panel.name, "edge": k} for k in pair] for pair in pairs]
     panels = {panel.name: _panel(panel, own) for panel, own in zip(pattern.panels, by_panel, strict=True)}
     return {
         "pattern": {"panels": panels, "stitches": stitches, "panel_order": list(panels)},
@@ -76,9 +82,8 @@ def _panel(panel: Panel, counts: Sequence[int]) -> dict[str, Any]:
     curves = [part for edge, count in zip(panel.edges, counts, strict=True) for part in _parts(edge.curve, count)]
     vertices = [curve.start for curve in curves]
     edges = [_edge(curve, k, (k + 1) % len(curves)) for k, curve in enumerate(curves)]
-    for hole in panel.holes:
+    for inner in _inner(panel):
         start = len(vertices)
-        inner = [part for curve in hole for part in _parts(curve, max(2, int(np.ceil(curve.length / STEP))))]
         vertices += [curve.start for curve in inner]
         edges += [_edge(curve, start + k, start + (k + 1) % len(inner)) for k, curve in enumerate(inner)]
     rotation, translation = _rigid(panel)
@@ -88,6 +93,20 @@ def _panel(panel: Panel, counts: Sequence[int]) -> dict[str, Any]:
         "vertices": (PER_METRE * np.array(vertices)).tolist(),
         "edges": edges,
     }
+
+
+def _inner(panel: Panel) -> list[list[Curve]]:
+    """The edges of holes and of darts within a panel, those of a dart as many on either side."""
+    loops = [[part for curve in hole for part in _parts(curve, _count(curve))] for hole in panel.holes]
+    for dart in panel.darts:
+        counts = [max(map(_count, pair)) for pair in zip(dart.one, dart.other[::-1], strict=True)]
+        both = zip(dart.loop, (*counts, *counts[::-1]), strict=True)
+        loops.append([part for curve, count in both for part in _parts(curve, count)])
+    return loops
+
+
+def _count(curve: Curve) -> int:
+    return max(2, int(np.ceil(curve.length / STEP)))
 
 
 def _parts(curve: Curve, count: int) -> list[Curve]:

@@ -74,7 +74,7 @@ def pattern_svg(pattern: Pattern) -> str:
         lines.append(f'<path stroke="#888888" d="M {x0:.2f} {y0:.2f} L {x1:.2f} {y1:.2f}"/>')
         lines.append(f'<polyline stroke="#888888" points="{arrow}"/>')
         lines += [f'<path stroke="#888888" d="{_path(sheet, index, Chain(line))}"/>' for line in panel.lines]
-        cut_out = [curve for hole in panel.holes for curve in hole]
+        cut_out = [curve for loop in panel.cut_out for curve in loop]
         lines += [f'<path stroke="{PLAIN}" d="{_path(sheet, index, curve)}"/>' for curve in cut_out]
         lines += [
             f'<path stroke="{PLAIN}" stroke-width="1.2" d="M {x0:.2f} {y0:.2f} L {x1:.2f} {y1:.2f}"/>'
@@ -98,7 +98,7 @@ def _save_png(pattern: Pattern, path: Path) -> None:
         for place, edge in enumerate(panel.edges):
             points = scale * sheet.placed(index, edge.curve.at(np.linspace(0.0, 1.0, 65)))
             pen.line([(x, y) for x, y in points.tolist()], fill=_colour(sewn.get(Side(index, place))), width=2)
-        for curve in (curve for hole in panel.holes for curve in hole):
+        for curve in (curve for loop in panel.cut_out for curve in loop):
             points = scale * sheet.placed(index, curve.at(np.linspace(0.0, 1.0, 65)))
             pen.line([(x, y) for x, y in points.tolist()], fill=PLAIN, width=2)
         start, end, *heads = _grain(sheet, index, panel)

@@ -14,14 +14,14 @@ from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.loading.load import content
 from warp_cloth.pattern.crowding import crowded_edges, parted
-from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.curve import Curve, Floats
 from warp_cloth.pattern.delaunay import Ints, OutlineError
 from warp_cloth.pattern.drafted import Draft, DraftOptions, drafted_pattern, read_draft
 from warp_cloth.pattern.figure import Figure
 from warp_cloth.pattern.garmentcode import read_specification
 from warp_cloth.pattern.grade_table import grade_table_path, read_grade_table
 from warp_cloth.pattern.mesher import Flat, meshed
-from warp_cloth.pattern.outline import Outline, SewnOutlines, sewn_outlines
+from warp_cloth.pattern.outline import SewnOutlines, sewn_outlines
 from warp_cloth.pattern.sewing import Seam, seams_of
 from warp_cloth.pattern.specification import Pattern, short
 
@@ -125,11 +125,16 @@ def _check_count(pattern: Pattern, edge: float) -> None:
         around = sum(each.curve.length for each in panel.edges)
         if not abs(panel.area) > 1e-6 * around**2:
             pattern.refuse(f'panel "{short(panel.name)}"', "has no area", "correct its outline")
-        box = float(np.prod(np.ptp(np.concatenate([each.curve.at(_EIGHTHS) for each in panel.edges]), axis=0)))
+        box = float(np.prod(np.ptp(np.concatenate([_hull(each.curve) for each in panel.edges]), axis=0)))
         count += max(abs(panel.area) / (np.sqrt(0.75) * edge**2), 0.05 * box / edge**2) + around / edge
     if count > MOST_VERTICES:
         problem = f"with edges of {1e3 * edge:g} mm its mesh would have some {count:,.0f} vertices"
         pattern.refuse("", problem, "check units_in_meter, or choose a longer edge_mm")
+
+
+def _hull(curve: Curve) -> Floats:
+    """Points about a curve: its control points, or places on an arc [m], shape [n, 2]."""
+    return curve.at(_EIGHTHS) if curve.turn else curve.points
 
 
 def _meshed(pattern: Pattern, sewn: SewnOutlines, edge: float) -> Flat:
@@ -140,7 +145,7 @@ def _meshed(pattern: Pattern, sewn: SewnOutlines, edge: float) -> Flat:
     try:
         flat = meshed(outlines, spacing, edge, sewn.holes)
     except OutlineError as error:
-        _refuse_outline(pattern, sewn.outlines, ways, error.places)
+        _refuse_outline(pattern, sewn, ways, error.places)
     order = np.arange(len(flat.points))
     start = 0
     for outline, way in zip(outlines, ways, strict=True):
@@ -149,14 +154,19 @@ def _meshed(pattern: Pattern, sewn: SewnOutlines, edge: float) -> Flat:
     return Flat(flat.points[order], order[flat.triangles], flat.panel[order], flat.origins)
 
 
-def _refuse_outline(
-    pattern: Pattern, outlines: Sequence[Outline], ways: Sequence[int], places: Sequence[int]
-) -> NoReturn:
+def _refuse_outline(pattern: Pattern, sewn: SewnOutlines, ways: Sequence[int], places: Sequence[int]) -> NoReturn:
+    outlines = sewn.outlines
+    holes = [panel for panel, points, _ in sewn.holes for _ in points]
     starts = np.cumsum([0, *(len(outline.points) for outline in outlines)])
     named: dict[int, set[int]] = {}
     for place in places:
         index = int(np.searchsorted(starts, place, side="right")) - 1
         if index >= len(outlines):
+            in_hole = place - int(starts[-1])
+            if in_hole < len(holes):
+                where = f'panel "{short(pattern.panels[holes[in_hole]].name)}"'
+                problem = "a hole or dart in it crosses itself, the outline or another one"
+                pattern.refuse(where, problem, "correct it, or remove it")
             continue
         own = place - int(starts[index])
         own = own if ways[index] > 0 else len(outlines[index].points) - 1 - own
@@ -204,15 +214,28 @@ def _sewn(pattern: Pattern, sewn: SewnOutlines, flat: Flat) -> tuple[Flat, Ints]
     none = np.zeros(0, dtype=np.int64)
     one = np.concatenate([none, *(starts[panel] + places for panel, places, _, _ in sewn.seams)])
     other = np.concatenate([none, *(starts[panel] + places for _, _, panel, places in sewn.seams)])
+    ends = starts[-1] + np.cumsum([0, *(len(points) for _, points, _ in sewn.holes)])[1:]  # holes run backwards
+    one = np.concatenate([one, *(ends[hole] - 1 - places for hole, places, _ in sewn.darts)])
+    other = np.concatenate([other, *(ends[hole] - 1 - places for hole, _, places in sewn.darts)])
+    layered = _layered(starts, sewn)
     for _ in range(PARTING_ROUNDS):
         welded = connected_components(len(flat.points), one, other)
-        crowded = crowded_edges(flat, welded)
+        crowded = crowded_edges(flat, welded, layered)
         if not len(crowded):
             return flat, welded
         flat = parted(flat, welded, crowded)
     a = int(flat.triangles.ravel()[crowded[0]])
     place = f'panel "{short(pattern.panels[int(flat.panel[a])].name)}"'
     pattern.refuse(place, "is so small or narrow that its seams lie on each other", "choose a shorter edge_mm")
+
+
+def _layered(starts: Ints, sewn: SewnOutlines) -> Ints:
+    """Vertices of outlines on seams of three panels or more."""
+    sides = [starts[panel] + places for panel, places, _, _ in sewn.seams]
+    keys = [(int(places[0]), int(places[1])) for places in sides]
+    layers = [k for k, key in enumerate(keys) if keys.count(key) > 1]
+    found = [each for k in layers for each in (sides[k], starts[sewn.seams[k][2]] + sewn.seams[k][3])]
+    return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.int64)
 
 
 def _placed(pattern: Pattern, flat: Flat, welded: Ints) -> Floats:

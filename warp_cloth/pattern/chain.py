@@ -29,7 +29,7 @@ class Chain(Curve):
     def length(self) -> float:
         return float(self._reached[-1])
 
-    @property
+    @cached_property
     def area(self) -> float:
         (x, y), (u, v) = self.points[:-1].T, self.points[1:].T
         return 0.5 * float((x * v - y * u).sum())
@@ -45,6 +45,9 @@ class Chain(Curve):
         middle = np.clip(np.asarray(fractions), step, 1.0 - step)
         second = self.at(middle + step) - 2.0 * self.at(middle) + self.at(middle - step)
         return np.asarray(second / (step * self.length) ** 2)
+
+    def with_bends(self, fractions: Floats) -> tuple[Floats, Floats]:
+        return self.at(fractions), self.bends(fractions)
 
     def part(self, low: float, high: float) -> Chain:
         """The chain between two fractions of its length."""

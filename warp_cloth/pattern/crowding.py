@@ -15,15 +15,26 @@ from warp_cloth.pattern.delaunay import Ints, doubled_areas
 from warp_cloth.pattern.mesher import Flat
 
 
-def crowded_edges(flat: Flat, welded: Ints) -> Ints:
-    """Sides of triangles, by place in ``triangles.ravel()``, that become points, or edges of over two triangles."""
+def crowded_edges(flat: Flat, welded: Ints, layered: Ints) -> Ints:
+    """Sides of triangles, by place in ``triangles.ravel()``, that become points, or edges of over two triangles.
+
+    ``layered``: vertices on seams of three panels or more, shape [n]: sides of outlines between them may be one.
+    """
     one, other = (welded[ids.ravel()] for ids in (flat.triangles, np.roll(flat.triangles, -1, axis=1)))
     key = np.minimum(one, other) * len(welded) + np.maximum(one, other)
     order = np.argsort(key, kind="stable")
     ranked = key[order]
     crowded = np.zeros(len(key), dtype=bool)
     crowded[order[2:][ranked[2:] == ranked[:-2]]] = True
-    return np.flatnonzero(np.isin(key, key[crowded]) | (one == other))
+    found = np.isin(key, key[crowded])
+    if len(layered):
+        on = np.zeros(len(welded), dtype=bool)
+        on[layered] = True
+        start, end = flat.triangles.ravel(), np.roll(flat.triangles, -1, axis=1).ravel()
+        forward, backward = start * len(welded) + end, end * len(welded) + start
+        rim = ~np.isin(forward, backward) & on[start] & on[end]
+        found &= np.isin(key, key[found & ~rim])  # one that is of outlines alone is a seam
+    return np.flatnonzero(found | (one == other))
 
 
 def parted(flat: Flat, welded: Ints, crowded: Ints) -> Flat:

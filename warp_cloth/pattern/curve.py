@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,17 +46,17 @@ class Curve:
         """The same curve from its end to its start."""
         return Curve(self.points[::-1], -self.turn)
 
-    @property
+    @cached_property
     def chord(self) -> float:
         """Distance of the ends [m]."""
         return float(np.hypot(*(self.end - self.start)))
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """Radius of an arc [m]."""
         return 0.5 * self.chord / math.sin(0.5 * abs(self.turn))
 
-    @property
+    @cached_property
     def centre(self) -> Floats:
         """Centre of an arc [m], shape [2]."""
         across = self.end - self.start
@@ -76,9 +75,9 @@ class Curve:
     @cached_property
     def _lengths(self) -> Floats:
         """Lengths of a Bezier curve from its start to even parameters."""
-        return _arc_lengths(self.points)
+        return _arc_lengths(_derived(self._polynomial))
 
-    @property
+    @cached_property
     def area(self) -> float:
         """Its part of the area that the outline encloses [m^2]: half the integral of x dy - y dx along it.
 
@@ -104,7 +103,7 @@ class Curve:
             angle = self.turn * np.asarray(fractions)
             out, c, s = self.start - self.centre, np.cos(angle), np.sin(angle)
             return self.centre + np.column_stack([c * out[0] - s * out[1], s * out[0] + c * out[1]])
-        return _bezier(self.points, self._parameters(fractions))
+        return _at(self._polynomial, self._parameters(fractions))
 
     def bends(self, fractions: Floats) -> Floats:
         """The curvature vectors at these fractions of the length [1/m], towards the centre, shape [N, 2]."""
@@ -112,29 +111,46 @@ class Curve:
             return np.zeros((len(fractions), 2))
         if self.turn:
             return (self.centre - self.at(fractions)) / self.radius**2
+        return self._bends(self._parameters(fractions))
+
+    def with_bends(self, fractions: Floats) -> tuple[Floats, Floats]:
+        """What ``at`` and ``bends`` return, in less time."""
+        if len(self.points) == 2:
+            return self.at(fractions), self.bends(fractions)
         t = self._parameters(fractions)
-        first = _bezier(_hodograph(self.points), t)
-        second = _bezier(_hodograph(_hodograph(self.points)), t)
-        speed = np.maximum((first**2).sum(axis=1), 1e-12 * self.length**2)
-        along = (first * second).sum(axis=1) / speed
-        return (second - along[:, None] * first) / speed[:, None]
+        return _at(self._polynomial, t), self._bends(t)
+
+    def _bends(self, t: Floats) -> Floats:
+        velocity = _derived(self._polynomial)
+        first, second = _at(velocity, t), _at(_derived(velocity), t)
+        speed = np.maximum(first[:, 0] ** 2 + first[:, 1] ** 2, 1e-12 * self.length**2)
+        along = (first[:, 0] * second[:, 0] + first[:, 1] * second[:, 1]) / speed
+        return np.asarray((second - along[:, None] * first) / speed[:, None])
+
+    @cached_property
+    def _polynomial(self) -> Floats:
+        """Coefficients of a Bezier curve by rising powers of its parameter, shape [3 or 4, 2]."""
+        p = self.points
+        if len(p) == 3:
+            return np.array([p[0], 2.0 * (p[1] - p[0]), p[0] - 2.0 * p[1] + p[2]])
+        rise, curl = 3.0 * (p[1] - p[0]), 3.0 * (p[0] - 2.0 * p[1] + p[2])
+        return np.array([p[0], rise, curl, p[3] - p[0] - rise - curl])
 
     def _parameters(self, fractions: Floats) -> Floats:
         """Parameters of a Bezier curve at fractions of its length."""
-        lengths = self._lengths
-        wanted = np.clip(np.asarray(fractions), 0.0, 1.0) * lengths[-1]
+        lengths, velocity = self._lengths, _derived(self._polynomial)
+        wanted = np.minimum(np.maximum(fractions, 0.0), 1.0) * lengths[-1]
         spans = TABLE - 1
-        span = np.clip(np.searchsorted(lengths, wanted, side="right") - 1, 0, spans - 1)
-        base = lengths[span]
+        span = np.minimum(np.searchsorted(lengths, wanted, side="right") - 1, spans - 1)
+        low, base = span / spans, lengths[span]
+        most, least = (span + 1) / spans, 1e-9 * lengths[-1]
         t = (span + (wanted - base) / np.maximum(lengths[span + 1] - base, 1e-300)) / spans
         for _ in range(2):  # Newton's steps; the integral from the span's start is by the same rule
-            low = span / spans
             half = 0.5 * (t - low)
-            at = low[:, None] + half[:, None] * (_NODES + 1.0)
-            reached = base + half * (_speeds(self.points, at) @ _WEIGHTS)
-            speed = np.maximum(_speeds(self.points, t[:, None])[:, 0], 1e-9 * lengths[-1])
-            t = np.clip(t - (reached - wanted) / speed, low, (span + 1) / spans)
-        return t
+            reached = base + half * (_speeds(velocity, low[:, None] + half[:, None] * (_NODES + 1.0)) @ _WEIGHTS)
+            speed = np.maximum(_speeds(velocity, t), least)
+            t = np.minimum(np.maximum(t - (reached - wanted) / speed, low), most)
+        return np.asarray(t)
 
 
 def arc(start: Floats, end: Floats, radius: float, large: bool, right: bool) -> Curve:
@@ -166,27 +182,30 @@ def _cross(a: Floats, b: Floats) -> float:
     return float(a[0] * b[1] - a[1] * b[0])
 
 
-def _bezier(points: Floats, t: Floats) -> Floats:
-    """de Casteljau's algorithm; ``t`` shape [...], returns [..., 2]."""
-    level = [np.asarray(point) for point in points]
-    t = np.asarray(t)[..., None]
-    while len(level) > 1:
-        level = [(1.0 - t) * a + t * b for a, b in pairwise(level)]
-    return np.broadcast_to(level[0], (*t.shape[:-1], 2))
+def _at(polynomial: Floats, t: Floats) -> Floats:
+    """Values of a polynomial in the plane, coefficients by rising powers, shape [k, 2], by Horner's rule; [N, 2]."""
+    return np.column_stack([_along(polynomial[:, axis], t) for axis in range(2)])
 
 
-def _hodograph(points: Floats) -> Floats:
-    """Control points of a Bezier curve's derivative."""
-    return (len(points) - 1) * np.diff(points, axis=0)
+def _along(coefficients: Floats, t: Floats) -> Floats:
+    value = np.full(t.shape, coefficients[-1])
+    for coefficient in coefficients[-2::-1]:
+        value = value * t + coefficient
+    return value
 
 
-def _speeds(points: Floats, t: Floats) -> Floats:
-    velocity = _bezier(_hodograph(points), t)
-    return np.asarray(np.hypot(velocity[..., 0], velocity[..., 1]))
+def _derived(polynomial: Floats) -> Floats:
+    """The derivative of a polynomial."""
+    return polynomial[1:] * np.arange(1.0, len(polynomial))[:, None]
 
 
-def _arc_lengths(points: Floats) -> Floats:
+def _speeds(velocity: Floats, t: Floats) -> Floats:
+    """Lengths of a polynomial's values at ``t``, of any shape."""
+    return np.asarray(np.sqrt(_along(velocity[:, 0], t) ** 2 + _along(velocity[:, 1], t) ** 2))
+
+
+def _arc_lengths(velocity: Floats) -> Floats:
     """Lengths of a Bezier curve from its start to TABLE even parameters [m], shape [TABLE]; by Gauss's rule."""
     half = 0.5 / (TABLE - 1)
     at = np.arange(TABLE - 1)[:, None] / (TABLE - 1) + half * (_NODES + 1.0)
-    return np.concatenate([[0.0], np.cumsum(half * (_speeds(points, at) @ _WEIGHTS))])
+    return np.concatenate([[0.0], np.cumsum(half * (_speeds(velocity, at) @ _WEIGHTS))])

@@ -12,6 +12,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.by_shape import are_mirrored, told_by_shape
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.drawn_darts import turned
 from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, SIDE_PANEL, UNDER_SLEEVE, named, without_side
 from warp_cloth.pattern.panel_roles import middle_side, parted_at_underarm, side_panel_roles
 from warp_cloth.pattern.piece import Piece
@@ -31,7 +32,7 @@ from warp_cloth.pattern.roles import (
     strip_roles,
     upright,
 )
-from warp_cloth.pattern.specification import MOST_PANELS, short
+from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
 STRIPS = ("collar", "cuff", "waistband", "hem_band")
@@ -58,6 +59,7 @@ class Part:
     roles: Roles
     sure: float  # of the kind
     holes: tuple[tuple[Chain, ...], ...] = ()  # cut out of it, counter-clockwise
+    darts: tuple[Dart, ...] = ()  # within it
     twin: int | None = None  # the part that is its mirror image
 
     @property
@@ -71,6 +73,7 @@ class Stated:
 
     place: str | None = None
     copies: tuple[int, int] | None = None
+    darts: bool = True  # whether inner lines show darts
 
 
 def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> tuple[tuple[Part, ...], list[str]]:
@@ -203,11 +206,12 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str]) -> Part:
     edges = tuple(edge.turned(turn, np.zeros(2)) for edge in piece.edges)
     lines = tuple(line @ turn for line in piece.lines)
     holes = tuple(tuple(edge.turned(turn, np.zeros(2)) for edge in hole) for hole in piece.holes)
+    darts = tuple(turned(dart, turn.T, np.zeros(2)) for dart in piece.darts)
     if kind == "under_sleeve":
         edges = parted_at_underarm(edges, UPWARDS, piece.notches @ turn)
     mirror = piece.mirror if len(edges) == len(piece.edges) else None
     part = Part(piece.name, edges, tuple(range(len(edges))), mirror, piece.notches @ turn, lines,
-                kind, side, UPWARDS, {}, sure, holes)  # fmt: skip
+                kind, side, UPWARDS, {}, sure, holes, darts)  # fmt: skip
     shape = part.shape
     roles = _roles(kind, shape, mirror is not None, kind in panelled)
     return replace(part, roles=roles, side=side or _side(kind, shape, roles, mirror is not None))
@@ -288,6 +292,7 @@ def _mirrored(part: Part, drawn: bool) -> Part:
         notches=part.notches @ MIRROR,
         lines=tuple(line @ MIRROR for line in part.lines),
         holes=tuple(tuple(edge.turned(MIRROR, np.zeros(2)).reversed for edge in hole[::-1]) for hole in part.holes),
+        darts=tuple(turned(dart, MIRROR, np.zeros(2)) for dart in part.darts),
         side=-part.side,
         roles=roles,
     )

@@ -57,7 +57,8 @@ def read_draft(file: str, data: bytes, options: DraftOptions, table: GradeTable 
         InputError: ezdxf is not installed, the file cannot be read, or what is stated does not fit it.
     """
     drawing = read_drawing(file, data)
-    pieces, told = pieces_of(file, drawing, options.seam_allowance, table)
+    undarted = {name for name, said in options.pieces.items() if not said.darts}
+    pieces, told = pieces_of(file, drawing, options.seam_allowance, table, undarted)
     sample = drawing.stated.get("samplesize") or drawing.stated.get("basesize", "") or (table.sample if table else "")
     rules = drawing.stated.get("graderuletable")
     if rules and table is None and len({piece.size for piece in pieces}) < 2:
@@ -168,6 +169,7 @@ def drafted_pattern(draft: Draft, figure: Figure | None) -> Pattern:
             notches=part.notches,
             lines=part.lines,
             holes=part.holes,
+            darts=part.darts,
         )
         for part, edges, wrap in zip(draft.parts, made.edges, wraps, strict=True)
     )
@@ -188,6 +190,7 @@ def drawn_pattern(draft: Draft) -> Pattern:
             notches=part.notches,
             lines=part.lines,
             holes=part.holes,
+            darts=part.darts,
         )
         for part in draft.parts
     )

@@ -32,7 +32,7 @@ NAMED = (
     (FOLD, ("fold", "mirror", "bruch", "pliure", "doblez", "piega")),
     (CUT_OUT, ("cutout", "cut-out", "hole")),
     (DRILL, ("drill",)),
-    (INTERNAL, ("internal", "inner")),
+    (INTERNAL, ("internal", "inner", "dart", "abnäher", "abnaeher", "pince", "pinza")),
     (TURN, ("turn",)),
     (CURVE, ("curve",)),
     (CUT, ("boundary", "outline", "cut", "contour", "schnitt")),

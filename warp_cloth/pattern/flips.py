@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.lattice import tree_of
 
 Ints = NDArray[np.int64]
 
@@ -25,7 +26,7 @@ def flipped(points: Floats, triangles: Ints, touched: NDArray[np.bool_] | None =
     """
     triangles = triangles.copy()
     for _ in range(ROUNDS):
-        active = np.arange(len(triangles)) if touched is None else np.flatnonzero(touched[triangles].sum(axis=1) > 1)
+        active = np.arange(len(triangles)) if touched is None else _with_two(triangles, touched)
         one, other, corner, mate = _pairs(triangles[active])
         one, other = active[one], active[other]
         p, q = triangles[one, (corner + 2) % 3], triangles[other, (mate + 2) % 3]
@@ -45,6 +46,12 @@ def flipped(points: Floats, triangles: Ints, touched: NDArray[np.bool_] | None =
         for each in (a, b, p, q):
             touched[each] = True
     return triangles
+
+
+def _with_two(triangles: Ints, touched: NDArray[np.bool_]) -> Ints:
+    """Triangles with two touched corners or more."""
+    a, b, c = (touched[triangles[:, corner]] for corner in range(3))
+    return np.flatnonzero((a & b) | (b & c) | (c & a))
 
 
 def inserted(points: Floats, triangles: Ints, count: int) -> Ints | None:
@@ -70,13 +77,11 @@ def inserted(points: Floats, triangles: Ints, count: int) -> Ints | None:
 
 def _homes(points: Floats, triangles: Ints, vertices: Ints) -> Ints:
     """The triangle that each of these vertices lies in; -1: none that is near."""
-    from scipy.spatial import cKDTree
-
-    corners = points[triangles]
-    near = cKDTree(corners.mean(axis=1)).query(points[vertices], min(CANDIDATES, len(triangles)))[1]
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
+    near = tree_of((a + b + c) / 3.0).query(points[vertices], min(CANDIDATES, len(triangles)))[1]
     near = near.reshape(len(vertices), -1)
     spot = points[vertices][:, None]
-    a, b, c = (corners[near][:, :, k] for k in range(3))
+    a, b, c = a[near], b[near], c[near]
     inside = np.minimum(np.minimum(_area(a, b, spot), _area(b, c, spot)), _area(c, a, spot))
     best = inside.argmax(axis=1)
     rows = np.arange(len(vertices))
@@ -102,7 +107,7 @@ def _pairs(triangles: Ints) -> tuple[Ints, Ints, Ints, Ints]:
 def _excess(points: Floats, a: Ints, b: Ints, p: Ints, q: Ints) -> Floats:
     """Minus the sine of the sum of the angles at p and q over an edge a-b: positive where it is not Delaunay."""
     to = [points[end] - points[tip] for tip in (p, q) for end in (a, b)]
-    dots = [(u * v).sum(axis=1) for u, v in (to[:2], to[2:])]
+    dots = [u[:, 0] * v[:, 0] + u[:, 1] * v[:, 1] for u, v in (to[:2], to[2:])]
     crosses = [u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] for u, v in (to[:2], to[3:1:-1])]
     size = np.hypot(dots[0], crosses[0]) * np.hypot(dots[1], crosses[1])
     return np.asarray(-(crosses[0] * dots[1] + dots[0] * crosses[1]) / np.maximum(size, 1e-300))

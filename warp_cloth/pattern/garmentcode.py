@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NoReturn
 
 import numpy as np
@@ -24,15 +25,17 @@ from warp_cloth.pattern.specification import (
     MOST_PANELS,
     NO_LENGTH,
     SMALLEST,
+    Dart,
     Edge,
     Panel,
     Pattern,
     euler_xyz,
     short,
 )
-from warp_cloth.pattern.stitch_reading import IN_HOLE, StitchReader, labels_of
+from warp_cloth.pattern.stitch_reading import HolePlace, Legs, StitchReader, labels_of
 
 EXPORT_AGAIN = "export the specification again"
+Place = int | HolePlace | None  # of an edge of the file in its panel; None: it has no length and is left out
 UNITS = (1e-3, 1e5)  # per metre: kilometres to hundredths of a millimetre
 FARTHEST = 1e3  # [m] from the origin
 STRAIGHT = ("", "line", "straight", "linear", "none")  # types of curvature that are none
@@ -112,7 +115,28 @@ class _Reader:
             labels.append(labels_of(panel))
         reader = StitchReader(self, panels, edge_places, labels)
         stitches = reader.stitches(pattern.get("stitches"))
-        return Pattern(self.file, tuple(panels), stitches, tuple(self.notes))
+        return Pattern(self.file, tuple(self._with_darts(panels, reader.legs)), stitches, tuple(self.notes))
+
+    def _with_darts(self, panels: Sequence[Panel], legs: Sequence[Legs]) -> list[Panel]:
+        """The panels, their holes darts where stitches fold them about two of their corners."""
+        sewn: dict[tuple[int, int], list[Legs]] = {}
+        for pair in legs:
+            sewn.setdefault((pair.panel, pair.hole), []).append(pair)
+        out = list(panels)
+        for (index, number), pairs in sewn.items():
+            hole = panels[index].holes[number]
+            dart = dart_of(hole, [pair.edges for pair in pairs])
+            if dart is None:
+                place = ", ".join(str(pair.stitch) for pair in pairs[:6])
+                place = f"stitch{'es' * (len(pairs) > 1)} {place}"
+                problem = f'the hole in panel "{short(panels[index].name)}" is not sewn up from one corner to another'
+                self.refuse(place, problem, "sew each edge of it to the one opposite, as a dart's legs, or none")
+            out[index] = replace(out[index], darts=(*out[index].darts, dart))
+        left = [[h for n, h in enumerate(p.holes) if (index, n) not in sewn] for index, p in enumerate(panels)]
+        for panel, holes in zip(panels, left, strict=True):
+            if holes:
+                self.notes.append(f'panel "{short(panel.name)}": {len(holes)} of its loops are holes in it')
+        return [replace(panel, holes=tuple(holes)) for panel, holes in zip(out, left, strict=True)]
 
     def _unit(self, properties: Mapping[str, Any]) -> float:
         """Metres in a unit of the file."""
@@ -133,8 +157,8 @@ class _Reader:
             )
         return bool(kind == "relative")
 
-    def _panel(self, name: str, panel: Any, metres: float, relative: bool) -> tuple[Panel, list[int | None]]:
-        """A panel, and the place in it of each edge of the file; None: it has no length and is left out."""
+    def _panel(self, name: str, panel: Any, metres: float, relative: bool) -> tuple[Panel, list[Place]]:
+        """A panel, and the place in it of each edge of the file."""
         place = f'panel "{short(name)}"'
         if not isinstance(panel, Mapping):
             self.refuse(place, "is not a table")
@@ -157,21 +181,28 @@ class _Reader:
         )
         if np.abs(translation * metres).max() > FARTHEST:
             self.refuse(f"{place}: translation", f"is over {FARTHEST:g} m away", "check units_in_meter")
-        drawn: list[list[Edge]] = []
-        places: list[int | None] = [None] * len(listed)
+        places: list[Place] = [None] * len(listed)
+        outline: list[Edge] = []
+        holes: list[tuple[Curve, ...]] = []
         for loop in loops:
             edges: list[Edge] = []
             for number, turned in loop:
                 a, b = ends[number]
                 curve = self._curve(listed[number], corners[a], corners[b], f"{place}, edge {number}", metres, relative)
                 if curve is not None:
-                    places[number] = len(edges) if not drawn else IN_HOLE
                     edges.append(Edge(number, curve.reversed if turned else curve))
-            drawn.append(edges)
-        if len(drawn[0]) < 2:
+            if loop is loops[0]:
+                outline = edges
+                for k, edge in enumerate(edges):
+                    places[edge.number] = k
+            elif len(edges) > 1:
+                hole = _hole(_closed(edges))
+                for k, edge in enumerate(hole):
+                    places[edge.number] = HolePlace(len(holes), k)
+                holes.append(tuple(edge.curve for edge in hole))
+        if len(outline) < 2:
             self.refuse(place, "has fewer than two edges that have a length")
-        holes = tuple(_hole(_closed(edges)) for edges in drawn[1:] if len(edges) > 1)
-        return Panel(name, _closed(drawn[0]), euler_xyz(angles), translation * metres, holes=holes), places
+        return Panel(name, _closed(outline), euler_xyz(angles), translation * metres, holes=tuple(holes)), places
 
     def _check_size(self, corners: Floats, metres: float, place: str) -> None:
         extent = float(np.ptp(corners, axis=0).max())
@@ -199,8 +230,6 @@ class _Reader:
             self._refuse_loop(ends, place)
         if mended:
             self.notes.append(f"{place}: its edges are not listed round the outline: put in order")
-        if len(loops) > 1:
-            self.notes.append(f"{place}: {len(loops) - 1} of its loops are holes in it")
         return loops
 
     def _refuse_loop(self, ends: Ends, place: str) -> NoReturn:
@@ -294,12 +323,25 @@ class _Reader:
         return float(value)
 
 
-def _hole(edges: Sequence[Edge]) -> tuple[Curve, ...]:
+def _hole(edges: Sequence[Edge]) -> tuple[Edge, ...]:
     """The loop of a hole, counter-clockwise."""
-    curves = [edge.curve for edge in edges]
-    if sum(curve.area for curve in curves) < 0.0:
-        curves = [curve.reversed for curve in curves[::-1]]
-    return tuple(curves)
+    if sum(edge.curve.area for edge in edges) >= 0.0:
+        return tuple(edges)
+    return tuple(Edge(edge.number, edge.curve.reversed) for edge in edges[::-1])
+
+
+def dart_of(hole: Sequence[Curve], legs: Sequence[tuple[int, int]]) -> Dart | None:
+    """A hole as a dart, by the pairs of its edges that are sewn together: folded about the corner between two of them.
+
+    None: they do not fold it so, or not all of it.
+    """
+    count = len(hole)
+    mirrored = {(one + other) % count for one, other in legs}
+    if len(mirrored) != 1 or {edge for pair in legs for edge in pair} != set(range(count)) or 2 * len(legs) != count:
+        return None
+    tip = (mirrored.pop() - 1) // 2 + 1  # the corner at which an edge and the one that it is sewn to meet
+    order = [hole[(tip + k) % count] for k in range(count)]
+    return Dart(tuple(order[: count // 2]), tuple(order[count // 2 :]))
 
 
 def _closed(edges: Sequence[Edge]) -> tuple[Edge, ...]:

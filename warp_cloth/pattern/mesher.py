@@ -10,7 +10,7 @@ import numpy as np
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.delaunay import FLAT, Ints, OutlineError, doubled_areas, triangulated
 from warp_cloth.pattern.flips import flipped, inserted
-from warp_cloth.pattern.lattice import CLEARANCE, GRADED, Rim, inside, jittered, lattice, rim_of, spacing_at
+from warp_cloth.pattern.lattice import CLEARANCE, GRADED, Rim, jittered, lattice, spacing_at, tree_of
 
 SMOOTHING_ROUNDS = 8
 REFINING_ROUNDS = 3
@@ -42,7 +42,7 @@ class _Sheet:
 
     loops: list[Floats]  # outlines counter-clockwise, then holes clockwise
     panels: list[int]  # of each loop
-    rims: list[Rim]  # of each panel
+    rim: Rim  # of all loops
     spacing: float
     origins: Floats  # [m], shape [P, 2]
 
@@ -68,11 +68,10 @@ def meshed(
         OutlineError: an outline crosses or touches itself.
     """
     sheet = _side_by_side(outlines, wanted, spacing, holes)
-    seeds = [_seeds(rim, spacing) for rim in sheet.rims]
-    rim = np.concatenate(sheet.loops)
-    of_rim = np.repeat(sheet.panels, [len(loop) for loop in sheet.loops])
-    points = np.concatenate([rim, jittered(np.concatenate(seeds), spacing)])
-    panel = np.concatenate([of_rim, np.repeat(np.arange(len(outlines)), [len(s) for s in seeds])])
+    seeds, of_seeds = _seeds(sheet, len(outlines))
+    rim = sheet.rim.points
+    points = np.concatenate([rim, jittered(seeds, spacing)])
+    panel = np.concatenate([sheet.rim.panel, of_seeds])
     sides = sheet.sides
     triangles = triangulated(points, sides, panel)
     for _ in range(REFINING_ROUNDS):
@@ -123,29 +122,22 @@ def _side_by_side(
     loops = [*moved, *((points + origins[panel])[::-1] for panel, points, _ in holes)]
     panels = [*range(len(outlines)), *(panel for panel, _, _ in holes)]
     local = [*wanted, *(spacings[::-1] for _, _, spacings in holes)]
-    rims = []
-    for index in range(len(outlines)):
-        own = [k for k, panel in enumerate(panels) if panel == index] if holes else [index]
-        rims.append(rim_of([loops[k] for k in own], [local[k] for k in own]))
-    return _Sheet(loops, panels, rims, spacing, np.array(origins))
+    of = np.repeat(panels, [len(loop) for loop in loops])
+    ends = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
+    rim = Rim(np.concatenate(loops), ends, np.concatenate(local), of)
+    return _Sheet(loops, panels, rim, spacing, np.array(origins))
 
 
-def _rim_places(rim: Rim) -> Floats:
-    """Vertices of a rim and the middles of its sides."""
-    return np.concatenate([rim.points, 0.5 * (rim.points + rim.ends)])
-
-
-def _seeds(rim: Rim, spacing: float) -> Floats:
-    """Inner vertices at first: the lattice, but where the spacing is closer or the rim near."""
-    from scipy.spatial import cKDTree
-
-    spots = lattice(rim, spacing)
-    if not len(spots):
-        return spots
-    local = spacing_at(spots, rim, spacing)
-    spots, local = spots[local >= GRADED * spacing], local[local >= GRADED * spacing]
-    clear, _ = cKDTree(_rim_places(rim)).query(spots, distance_upper_bound=spacing)
-    return np.asarray(spots[clear > CLEARANCE * local])
+def _seeds(sheet: _Sheet, panels: int) -> tuple[Floats, Ints]:
+    """Inner vertices at first, and their panels: the lattice, but where the spacing is closer or the rim near."""
+    lattices = [lattice(loop, sheet.spacing) for loop in sheet.loops[:panels]]
+    spots, of = np.concatenate(lattices), np.repeat(np.arange(panels), [len(each) for each in lattices])
+    held = sheet.rim.holds(spots, of)
+    spots, of = spots[held], of[held]
+    local = spacing_at(spots, sheet.rim, sheet.spacing)
+    clear, _ = sheet.rim.places.query(spots, distance_upper_bound=sheet.spacing)
+    kept = (local >= GRADED * sheet.spacing) & (clear > CLEARANCE * local)
+    return spots[kept], of[kept]
 
 
 def angles_of(points: Floats, triangles: Ints) -> Floats:
@@ -158,8 +150,6 @@ def angles_of(points: Floats, triangles: Ints) -> Floats:
 
 def _refined(sheet: _Sheet, points: Floats, triangles: Ints, panel: Ints) -> tuple[Floats, Ints]:
     """Vertices that split triangles which are too large or have too small an angle, and their panels."""
-    from scipy.spatial import cKDTree
-
     x, y = points[:, 0][triangles.T], points[:, 1][triangles.T]  # one corner after another: shape [3, F]
     aside, up = np.roll(x, -1, axis=0) - x, np.roll(y, -1, axis=0) - y
     length = np.hypot(aside, up)
@@ -182,26 +172,30 @@ def _refined(sheet: _Sheet, points: Floats, triangles: Ints, panel: Ints) -> tup
     obtuse = ((opposite - along) * opposite).sum(axis=1) < 0.0
     tall = np.where(obtuse, -tall, tall)
     off = a + 0.5 * along + left * np.minimum(tall, OFF_CENTRE * place)[:, None]
-    of = panel[triangles[maybe, 0]]
-    near, _ = cKDTree(points).query(off)
-    found, owner = [], []
-    for index in np.unique(of):
-        mine = np.flatnonzero(of == index)
-        spots = off[mine]
-        rim = sheet.rims[index]
-        local = spacing_at(spots, rim, sheet.spacing)
-        good = inside(rim.points, spots, rim.ends) & (radius[maybe][mine] > 0.5 * local)
-        clear, _ = cKDTree(_rim_places(rim)).query(spots)
-        good &= clear > 0.5 * local
-        good &= near[mine] > 0.55 * local
-        kept: list[int] = []
-        for spot in np.flatnonzero(good)[np.argsort(-radius[maybe][mine][good], kind="stable")].tolist():
-            away = spots[kept] - spots[spot] if kept else np.full((1, 2), np.inf)
-            if (np.hypot(away[:, 0], away[:, 1]) > 0.8 * local[spot]).all():
-                kept.append(spot)
-        found.append(spots[kept])
-        owner.append(np.full(len(kept), index))
-    return np.concatenate(found), np.concatenate(owner)
+    of, radius = panel[triangles[maybe, 0]], radius[maybe]
+    local = spacing_at(off, sheet.rim, sheet.spacing)
+    good = np.flatnonzero((radius > 0.5 * local) & sheet.rim.holds(off, of))
+    for tree, clear in ((sheet.rim.places, 0.5), (tree_of(points), 0.55)):
+        away, _ = tree.query(off[good], distance_upper_bound=sheet.spacing)
+        good = good[away > clear * local[good]]
+    good = good[np.argsort(-radius[good], kind="stable")]
+    kept = good[_apart(off[good], 0.8 * local[good])]
+    kept = kept[np.argsort(of[kept], kind="stable")]
+    return off[kept], of[kept]
+
+
+def _apart(spots: Floats, clear: Floats) -> Ints:
+    """The places of spots of which none is as near as ``clear`` [m] to one before it that is kept."""
+    if not len(spots):
+        return np.zeros(0, dtype=np.int64)
+    pairs = tree_of(spots).query_pairs(float(clear.max()), output_type="ndarray")
+    first, second = pairs.min(axis=1), pairs.max(axis=1)
+    close = np.hypot(*(spots[first] - spots[second]).T) <= clear[second]
+    order = np.lexsort((first[close], second[close]))
+    free = [True] * len(spots)
+    for one, other in zip(first[close][order].tolist(), second[close][order].tolist(), strict=True):
+        free[other] &= not free[one]
+    return np.flatnonzero(free)
 
 
 def _smoothed(points: Floats, triangles: Ints, rim: int) -> Floats:

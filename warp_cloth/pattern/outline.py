@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,17 +12,19 @@ from numpy.typing import NDArray
 from warp_cloth.pattern.curve import Curve, Floats
 from warp_cloth.pattern.lattice import GRADE
 from warp_cloth.pattern.sewing import Piece, Seam
-from warp_cloth.pattern.specification import Panel, Pattern, Side, short
+from warp_cloth.pattern.specification import Dart, Panel, Pattern, Side, short
 
 Ints = NDArray[np.int64]
 
 NARROW = 1.3  # spacing over the width of a strip: a rectangle so cut in two has no angle below 37 degrees
 BEND = 0.15  # [rad] that an edge of the mesh may turn: with it areas and lengths keep to 0.1 %
 LONGER = 5e-4  # of a curve's length, by which its polygon may be longer in order to keep the area
+AREA_KEPT = 5e-4  # of a panel's area, by which its polygon's may differ; thin panels need more than their curves give
 CLOSEST = 0.125  # of the asked spacing: no seam is finer, however narrow or bent the cloth is
 FACING = 0.5  # cosine between the inward normal and the way to a point beyond which it lies across the cloth
 OPEN = np.radians(4.0)  # least angle of a corner; less is opened, as cloth there is narrower than a thread
 HOLE_SIDES = 16  # of a hole's polygon at least
+GROWN = (0.98, 1.02)  # of a hole's polygon about its middle; one of 16 sides in a circle lacks 1.3 %
 REACH = 8  # vertices from a corner up to which edges that cross are parted
 ROUNDS = 2  # of passing spacings across seams and panels
 
@@ -42,6 +45,7 @@ class SewnOutlines:
     outlines: tuple[Outline, ...]
     seams: tuple[tuple[int, Ints, int, Ints], ...]  # panel and vertices of either side, as they meet
     holes: tuple[tuple[int, Floats, Floats], ...] = ()  # panel, vertices of a hole counter-clockwise, their spacing
+    darts: tuple[tuple[int, Ints, Ints], ...] = ()  # hole, and its vertices on either side, as they meet
     notes: tuple[str, ...] = ()
 
 
@@ -72,13 +76,22 @@ def sewn_outlines(pattern: Pattern, seams: Sequence[Seam], edge: float) -> SewnO
             _share(one, other, seam.reverse)
     divided: dict[int, Floats] = {}
     for (one, other), seam in zip(pairs, seams, strict=True):
-        shares = _divided(one, 2 if not (one.curve.is_line and other.curve.is_line) else 1)
+        shares = divided.get(id(one))  # there already where other layers are sewn to it
+        if shares is None:
+            shares = _divided(one, 2 if not (one.curve.is_line and other.curve.is_line) else 1)
         divided[id(one)], divided[id(other)] = shares, 1.0 - shares[::-1] if seam.reverse else shares
     for run in runs:
         if id(run) not in divided:
             divided[id(run)] = _divided(run, 1 if run.curve.is_line else 2)
-    holes = tuple((n, *_hole(hole, edge)) for n, panel in enumerate(pattern.panels) for hole in panel.holes)
-    return replace(_collected(pattern, by_panel, divided, pairs, seams), holes=holes)
+    holes = [(n, *_hole(hole, edge)) for n, panel in enumerate(pattern.panels) for hole in panel.holes]
+    darts = []
+    for n, panel in enumerate(pattern.panels):
+        for dart in panel.darts:
+            points, spacing, half = _dart(dart, edge)
+            there = (len(points) - np.arange(half + 1)) % len(points)
+            darts.append((len(holes), np.arange(half + 1), there))
+            holes.append((n, points, spacing))
+    return replace(_collected(pattern, by_panel, divided, pairs, seams), holes=tuple(holes), darts=tuple(darts))
 
 
 def _hole(edges: Sequence[Curve], edge: float) -> tuple[Floats, Floats]:
@@ -88,35 +101,71 @@ def _hole(edges: Sequence[Curve], edge: float) -> tuple[Floats, Floats]:
     for curve in edges:
         count = max(2, int(np.ceil(curve.length / spacing)))
         points.append(curve.at(np.arange(count) / count))
-    return np.concatenate(points), np.full(sum(map(len, points)), spacing)
+    polygon = np.concatenate(points)
+    middle = polygon.mean(axis=0)
+    share = sum(curve.area for curve in edges) / max(_polygon_area(polygon), 1e-12)
+    grown = float(np.clip(np.sqrt(max(share, 0.0)), *GROWN))  # so that it encloses the hole's area
+    return middle + grown * (polygon - middle), np.full(len(polygon), spacing)
+
+
+def _dart(dart: Dart, edge: float) -> tuple[Floats, Floats, int]:
+    """Vertices round a dart within a panel [m], shape [n, 2], their spacing, and how many steps a side has."""
+    sides: list[list[Floats]] = [[], []]
+    for pair in zip(dart.one, dart.other[::-1], strict=True):
+        runs = [_drawn(Piece(Side(-1, -1)), curve, max(4, math.ceil(curve.length / edge)), edge) for curve in pair]
+        bent = any(not curve.is_line for curve in pair)
+        count = max(len(_divided(run, 2 if bent else 1)) for run in runs) - 1
+        for own, run in zip(sides, runs, strict=True):
+            own.append(_beside(run, _even(count))[:-1])
+    one, other = np.concatenate(sides[0]), np.concatenate(sides[1][::-1])
+    points = np.concatenate([one, other])
+    return points, np.minimum(np.hypot(*(np.roll(points, -1, axis=0) - points).T), edge), len(one)
 
 
 def _runs(pattern: Pattern, seams: Sequence[Seam], edge: float) -> tuple[list[_Run], list[tuple[_Run, _Run]]]:
     """Runs of all edges in the order of the loops, and those of each seam."""
-    sewn: dict[Side, list[tuple[Piece, int, int]]] = {}
+    sewn: dict[Side, dict[Piece, list[tuple[int, int]]]] = {}
     steps = []
     for index, seam in enumerate(seams):
         lengths = [pattern.panels[p.side.panel].edges[p.side.edge].curve.length * (p.high - p.low) for p in seam.pieces]
-        steps.append(max(4, int(np.ceil(max(lengths) / edge))))
+        steps.append(max(4, math.ceil(max(lengths) / edge)))
         for which, piece in enumerate(seam.pieces):
-            sewn.setdefault(piece.side, []).append((piece, index, which))
+            sewn.setdefault(piece.side, {}).setdefault(piece, []).append((index, which))
+    for _ in range(2):  # all layers of a seam have as many steps
+        for pieces in sewn.values():
+            for places in pieces.values():
+                most = max(steps[index] for index, _ in places)
+                for index, _ in places:
+                    steps[index] = most
     runs: list[_Run] = []
     found: dict[tuple[int, int], _Run] = {}
     for panel_index, panel in enumerate(pattern.panels):
         for edge_index, drawn in enumerate(panel.edges):
             side, curve = Side(panel_index, edge_index), drawn.curve
-            pieces = sorted(sewn.get(side, [(Piece(side), -1, 0)]), key=lambda each: each[0].low)
-            for piece, index, which in pieces:
-                count = steps[index] if index >= 0 else max(4, int(np.ceil(curve.length / edge)))
-                fractions = np.linspace(piece.low, piece.high, count + 1)
-                run = _Run(piece, curve, fractions, curve.at(fractions), np.full(count + 1, edge))
-                run.spacing = np.minimum(run.spacing, run.length / np.ceil(run.length / edge))
-                if not curve.is_line:
-                    bend = np.linalg.norm(curve.bends(fractions), axis=1)
-                    run.spacing = np.minimum(run.spacing, np.maximum(BEND / np.maximum(bend, 1e-9), 0.25 * edge))
-                found[index, which] = run
+            for piece, places in sorted(sewn.get(side, {Piece(side): []}).items(), key=lambda each: each[0].low):
+                count = steps[places[0][0]] if places else max(4, math.ceil(curve.length / edge))
+                run = _drawn(piece, curve, count, edge)
+                for place in places:
+                    found[place] = run
                 runs.append(run)
     return runs, [(found[index, 0], found[index, 1]) for index in range(len(seams))]
+
+
+def _drawn(piece: Piece, curve: Curve, count: int, edge: float) -> _Run:
+    """A piece of an edge with the spacing that its length and bends allow."""
+    fractions = piece.low + (piece.high - piece.low) * _even(count)
+    points, bends = curve.with_bends(fractions)
+    length = curve.length * (piece.high - piece.low)
+    spacing = np.full(count + 1, min(edge, length / math.ceil(length / edge)))
+    if not curve.is_line:
+        bend = np.hypot(bends[:, 0], bends[:, 1])
+        spacing = np.minimum(spacing, np.maximum(BEND / np.maximum(bend, 1e-9), 0.25 * edge))
+    return _Run(piece, curve, fractions, points, spacing)
+
+
+def _even(count: int) -> Floats:
+    """Fractions from 0 to 1, shape [count + 1]."""
+    return np.arange(count + 1) / count
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +183,7 @@ def _near(panel: Panel, runs: Sequence[_Run], edge: float) -> _Near:
 
     points = np.concatenate([run.points for run in runs])
     of = np.concatenate([np.full(len(run.points), run.piece.side.edge) for run in runs])
-    along = np.concatenate([np.gradient(run.points, axis=0) for run in runs])
+    along = np.concatenate([_along(run.points) for run in runs])
     inward = np.column_stack([-along[:, 1], along[:, 0]]) * np.sign(panel.area)
     inward /= np.maximum(np.hypot(*inward.T), 1e-300)[:, None]
     pairs = cKDTree(points).query_pairs((1.0 - CLOSEST) / GRADE * edge, output_type="ndarray").astype(np.int64)
@@ -148,6 +197,12 @@ def _near(panel: Panel, runs: Sequence[_Run], edge: float) -> _Near:
     width = np.full(len(points), np.inf)
     np.minimum.at(width, one[across], apart[across])
     return _Near(np.clip(NARROW * width, CLOSEST * edge, edge), pairs, apart)
+
+
+def _along(points: Floats) -> Floats:
+    """The way of a polyline at its points, shape [n, 2]."""
+    step = points[1:] - points[:-1]
+    return np.concatenate([step[:1], 0.5 * (step[1:] + step[:-1]), step[-1:]])
 
 
 def _grade(runs: Sequence[_Run], near: _Near) -> None:
@@ -174,8 +229,9 @@ def _divided(run: _Run, fewest: int) -> Floats:
     density = run.length / run.spacing
     total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))]) / (len(density) - 1)
     count = max(fewest, int(np.ceil(total[-1] - 0.1)))
-    even = np.linspace(0.0, 1.0, len(density))
-    return np.interp(np.linspace(0.0, total[-1], count + 1), total, even)
+    shares = np.interp(total[-1] * _even(count), total, _even(len(density) - 1))
+    shares[-1] = 1.0
+    return shares
 
 
 def _collected(
@@ -192,13 +248,14 @@ def _collected(
         for run in runs:
             shares = divided[id(run)]
             points.append(_beside(run, shares)[:-1])
-            spacing.append(np.interp(shares, np.linspace(0, 1, len(run.spacing)), run.spacing)[:-1])
+            spacing.append(np.interp(shares, _even(len(run.spacing) - 1), run.spacing)[:-1])
             edges += [run.piece.side.edge] * (len(shares) - 1)
             vertices[id(run)] = (start + np.arange(len(shares))) % total
             start += len(shares) - 1
-        opened, told = _opened(panel, np.concatenate(points), edges)
+        drawn = np.concatenate(points)
+        opened, told = _opened(panel, drawn, edges)
         notes += told
-        outlines.append(Outline(opened, np.concatenate(spacing), tuple(edges)))
+        outlines.append(Outline(_with_area(panel, drawn, opened, edges), np.concatenate(spacing), tuple(edges)))
     sewn = []
     for (one, other), seam in zip(pairs, seams, strict=True):
         there = vertices[id(other)][::-1] if seam.reverse else vertices[id(other)]
@@ -214,19 +271,51 @@ def _beside(run: _Run, shares: Floats) -> Floats:
     the area; they are moved by three quarters, but not so that the length grows by more than LONGER.
     """
     fractions = run.piece.low + shares * (run.piece.high - run.piece.low)
-    points = run.curve.at(fractions)
     if run.curve.is_line or len(shares) < 3:
-        return points
+        return run.curve.at(fractions)
     step = 0.5 * run.length * (shares[2:] - shares[:-2])
-    bends = run.curve.bends(fractions[1:-1])
+    points, bends = run.curve.with_bends(fractions)
+    bends = bends[1:-1]
     shift = np.zeros_like(points)
     shift[1:-1] = -bends * (step**2 / 24)[:, None]
-    chords, moved = (float(np.hypot(*np.diff(p, axis=0).T).sum()) for p in (points, points + shift))
+    chords, moved = (float(np.hypot(*(p[1:] - p[:-1]).T).sum()) for p in (points, points + shift))
     if moved - chords <= 1e-9 * run.length:
         return points
-    turns = (bends**2).sum(axis=1) * step**2
+    turns = (bends[:, 0] ** 2 + bends[:, 1] ** 2) * step**2
     wanted = run.length * (1.0 + min(LONGER, float(turns.mean()) / 48))
-    return np.asarray(points + shift * np.clip((wanted - chords) / (moved - chords), 0.0, 3.0))
+    return np.asarray(points + shift * min(max((wanted - chords) / (moved - chords), 0.0), 3.0))
+
+
+def _with_area(panel: Panel, drawn: Floats, opened: Floats, edges: Sequence[int]) -> Floats:
+    """The outline with what its area lacks or exceeds beyond AREA_KEPT spread over curved and opened edges.
+
+    Their vertices between the corners are moved along the outline's normals, all by the same distance; those that the
+    opening of a corner moved stay.
+    """
+    around = sum(edge.curve.area for edge in panel.edges)
+    if abs(_polygon_area(opened) - around) <= AREA_KEPT * abs(around):
+        return opened
+    of = np.array(edges)
+    moved = (drawn != opened).any(axis=1)
+    free = np.isin(of, [k for k, edge in enumerate(panel.edges) if not edge.curve.is_line])
+    free = (free | np.isin(of, of[moved])) & ~moved & (of == np.roll(of, 1))
+    points = opened.copy()
+    for _ in range(2):  # the area is quadratic in the distance
+        excess = _polygon_area(points) - around
+        excess = math.copysign(max(abs(excess) - AREA_KEPT * abs(around), 0.0), excess)
+        along = 0.5 * (np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0))[free]
+        length = np.hypot(*along.T)
+        if excess == 0.0 or not length.sum() > 0.0:
+            break
+        outwards = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(length, 1e-300)[:, None]
+        points[free] -= outwards * (excess / length.sum())
+    return points
+
+
+def _polygon_area(points: Floats) -> float:
+    """Signed area of a polygon [m^2], vertices of shape [n, 2]."""
+    (x, y), (u, v) = points.T, np.roll(points, -1, axis=0).T
+    return 0.5 * float((x * v - y * u).sum())
 
 
 def _opened(panel: Panel, points: Floats, edges: Sequence[int]) -> tuple[Floats, list[str]]:
@@ -237,15 +326,14 @@ def _opened(panel: Panel, points: Floats, edges: Sequence[int]) -> tuple[Floats,
     count, moved, notes = len(points), points.copy(), []
     side = np.sign(panel.area)
     corners = [i for i in range(count) if edges[i] != edges[i - 1]]
+    first = _corner_angles(moved, side)
     for corner in corners:
+        if first[corner] >= OPEN:
+            continue
         steps = range(1, min(REACH, count // 3) + 1)
         ways = [[moved[(corner + sign * k) % count] - moved[corner] for k in steps] for sign in (1, -1)]
         ahead, behind = (np.arctan2(*np.array(way).T[::-1]) for way in ways)
-        angle = (
-            np.mod(side * (behind - ahead) + OPEN, 2.0 * np.pi) - OPEN
-        )  # of the cloth, a little below 0 where crossed
-        if angle[0] >= OPEN:
-            continue
+        angle = _of_cloth(side * (behind - ahead))
         until = np.flatnonzero((angle >= OPEN) & (angle < np.pi))
         if not len(until) or (angle[: until[0]] > OPEN).any():
             continue
@@ -257,7 +345,20 @@ def _opened(panel: Panel, points: Floats, edges: Sequence[int]) -> tuple[Floats,
                 to = moved[corner] + (c * way[0] - s * way[1], s * way[0] + c * way[1])
                 most = max(most, float(np.hypot(*(to - moved[(corner + sign * k + sign) % count]))))
                 moved[(corner + sign * (k + 1)) % count] = to
+        first = _corner_angles(moved, side)
         numbers = [panel.edges[edges[place]].number for place in (corner - 1, corner)]
         told = f'panel "{short(panel.name)}", edges {numbers[0]} and {numbers[1]} touch or cross at their corner'
         notes.append(f"{told}: opened by up to {1e3 * most:.2g} mm")
     return moved, notes
+
+
+def _corner_angles(points: Floats, side: float) -> Floats:
+    """The cloth's angle at each vertex of an outline [rad], shape [n]."""
+    step = np.roll(points, -1, axis=0) - points
+    ahead, behind = np.arctan2(step[:, 1], step[:, 0]), np.arctan2(-step[:, 1], -step[:, 0])
+    return _of_cloth(side * (np.roll(behind, 1) - ahead))
+
+
+def _of_cloth(angle: Floats) -> Floats:
+    """Angles [rad] as cloth has them: from -OPEN, a little below 0 where edges cross, to a turn less that."""
+    return np.asarray(np.mod(angle + OPEN, 2.0 * np.pi) - OPEN)

@@ -9,6 +9,7 @@ import numpy as np
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.kinds import Named
+from warp_cloth.pattern.specification import Dart
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +24,7 @@ class Piece:
     notches: Floats  # [m], shape [N, 2]
     lines: tuple[Floats, ...]  # inner lines, drawn only [m], shape [n, 2] each
     holes: tuple[tuple[Chain, ...], ...]  # cut out of it, counter-clockwise
+    darts: tuple[Dart, ...]  # within it; others are edges
     notes: tuple[str, ...]
     what: Named  # what its texts say it is
 

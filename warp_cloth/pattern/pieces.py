@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.drawn_darts import turned, with_darts
 from warp_cloth.pattern.dxf import Drawing
 from warp_cloth.pattern.dxf_drawn import CUT_OUT, FOLD, GRAIN, INTERNAL, TURN, Drawn
 from warp_cloth.pattern.dxf_unit import unit_of
@@ -31,12 +32,17 @@ SMOOTH = 4e-3  # [m] between points of a curve
 FOLD_NEAR = 2e-3  # [m]
 SMALL_HOLE = 0.02  # [m] across: buttonholes, eyelets and drills are left closed
 UPRIGHT = 0.05  # across over along the grain, of an edge that a text says is on the fold
+NOTCH_OFF = 2e-3  # [m] from a notch to a line that it is on
 ALIKE = 3e-3  # [m] to which corners of a symmetric piece agree
 ABOUT = (("category", "description"), ("material", "fabric"))  # texts that tell what a piece is
 
 
 def pieces_of(
-    file: str, drawing: Drawing, allowance: float, table: GradeTable | None = None
+    file: str,
+    drawing: Drawing,
+    allowance: float,
+    table: GradeTable | None = None,
+    undarted: Container[str] = (),
 ) -> tuple[tuple[Piece, ...], list[str]]:
     """All pieces of a drawing, in all sizes, and notes on the whole file.
 
@@ -45,6 +51,7 @@ def pieces_of(
         drawing: as read.
         allowance: seam allowance [m] of pieces without a sew line.
         table: grade rules of the pieces.
+        undarted: names of pieces whose inner lines show no darts.
 
     Raises:
         InputError: a piece has no closed outline, or an impossible size.
@@ -67,7 +74,8 @@ def pieces_of(
             texts = {key: text for key, text in every[each].texts.items() if text} | texts
         alike = [each for each in others if len(loops[each].points) == len(loop.points)]
         marked = next((each for each in alike if TURN in every[each].points), index)
-        pieces.append(_piece(file, drawn, loop, copies_of(drawn, texts), every[marked], loops[marked], metres))
+        darted = name_of(drawn) not in undarted
+        pieces.append(_piece(file, drawn, loop, copies_of(drawn, texts), every[marked], loops[marked], metres, darted))
         abouts.append([texts.get(key) or texts.get(other, "") for key, other in ABOUT])
     pieces, counted = numbered(sized(pieces))
     kinds = named_all([(piece.name, *about) for piece, about in zip(pieces, abouts, strict=True)])
@@ -83,8 +91,9 @@ def _piece(
     sample: Drawn,
     there: SewnLine,
     metres: float,
+    darted: bool,
 ) -> Piece:
-    """A piece; ``sample``, with its loop, has the marks, where it has none itself."""
+    """A piece; ``sample``, with its loop, has the marks, where it has none itself; ``darted``: see ``pieces_of``."""
     name, size = name_of(drawn), size_of(drawn)
     place = f'{file}: piece "{short(name)}"'
     notes = list(loop.notes)
@@ -93,12 +102,16 @@ def _piece(
         marks = carried(marks_of(sample, metres), there.points, loop.points) | marks
     marks = with_cut_notches(marks, loop.notches)
     lines = {layer: [metres * line for line in found] for layer, found in drawn.lines.items()}
-    edges = _edges(loop.points, corners_of(loop.points, marks, loop.ends))
+    cut = with_darts(loop.points, lines.get(INTERNAL, []) if darted else [])
+    notches = _clear_of(notches_of(loop.points, marks), cut.removed)
+    marks |= {TURN: np.concatenate([marks[TURN], cut.corners])} if TURN in marks else {}
+    edges = _edges(cut.outline, corners_of(cut.outline, marks, np.concatenate([loop.ends, cut.corners])))
     if len(edges) > MOST_EDGES:
         raise InputError(place, f"has {len(edges):,} corners; an outline has up to {MOST_EDGES:,}", "smooth it")
     grain = _grain(lines, notes)
     edges = [edge.turned(grain, np.zeros(2)) for edge in edges]
-    notches = notches_of(loop.points, marks) @ grain.T
+    notches = notches @ grain.T
+    darts = [turned(dart, grain, np.zeros(2)) for dart in cut.inner]
     cut_out = _holes(loop.points, lines.get(CUT_OUT, []), loop.inner, notes)
     holes = [[edge.turned(grain, np.zeros(2)) for edge in _edges(h, corners_of(h, {}, NO_POINTS))] for h in cut_out]
     inner = tuple(line @ grain.T for layer in (INTERNAL, FOLD) for line in lines.get(layer, []))
@@ -111,13 +124,30 @@ def _piece(
         edges, mirror = _unfolded(edges, flat, start, along)
         notches = np.concatenate([notches, notches @ matrix.T + shift])
         holes += [[edge.turned(matrix, shift).reversed for edge in hole[::-1]] for hole in holes]
+        darts += [turned(dart, matrix, shift) for dart in darts]
         notes.append("is a half: mirrored at its fold line")
     else:
         edges, mirror = _halved(edges)
     if re.search(PLEATED, " ".join((*drawn.texts.values(), *drawn.remarks)).lower()):
         notes.append("its pleats are not folded: what is longer at a seam is gathered")
+    if cut.removed or darts:
+        count = len(cut.removed) * (1 if fold is None else 2) + len(darts)
+        notes.append(f"{count} dart{'s' * (count > 1)} drawn as inner lines: cut out, to be sewn")
     told = tuple(f'piece "{short(name)}": {note}' for note in notes)
-    return Piece(name, size, copies, tuple(edges), mirror, notches, inner, tuple(map(tuple, holes)), told, Named())
+    return Piece(
+        name, size, copies, tuple(edges), mirror, notches, inner, tuple(map(tuple, holes)), tuple(darts), told, Named()
+    )
+
+
+def _clear_of(notches: Floats, removed: Sequence[Floats]) -> Floats:
+    """The notches that do not lie on what is no longer outline, between a dart's legs."""
+    kept = np.ones(len(notches), dtype=bool)
+    for line in removed:
+        fine = Chain(line).at(np.linspace(0.0, 1.0, 129))
+        away = np.hypot(*np.moveaxis(notches[:, None] - fine[None], 2, 0)).min(axis=1, initial=np.inf)
+        ends = np.hypot(*np.moveaxis(notches[:, None] - line[None, [0, -1]], 2, 0)).min(axis=1)
+        kept &= (away > NOTCH_OFF) | (ends <= NOTCH_OFF)
+    return notches[kept]
 
 
 def _holes(outline: Floats, lines: Sequence[Floats], loops: Sequence[Floats], notes: list[str]) -> list[Floats]:
@@ -202,7 +232,8 @@ def opened(piece: Piece, centre: Sequence[int]) -> Piece | None:
     shift = start - matrix @ start
     notches = np.concatenate([piece.notches, piece.notches @ matrix.T + shift])
     other = tuple(tuple(edge.turned(matrix, shift).reversed for edge in hole[::-1]) for hole in piece.holes)
-    return replace(piece, edges=tuple(edges), mirror=mirror, notches=notches, holes=(*piece.holes, *other))
+    darts = (*piece.darts, *(turned(dart, matrix, shift) for dart in piece.darts))
+    return replace(piece, edges=tuple(edges), mirror=mirror, notches=notches, holes=(*piece.holes, *other), darts=darts)
 
 
 def _unfolded(

@@ -47,7 +47,9 @@ pattern = {toml_text(pattern_file)}
         if part.twin is None or part.twin > index:
             place = place_of(draft.parts, index)
             said = '# place = "front"  # not known' if place is None else f"place = {toml_text(place)}"
-            lines.append(f"[[garment.piece]]\nname = {toml_text(part.name)}\n{said}\n")
+            count = len(part.darts)
+            eyes = f"darts = true  # {count} within it cut out and sewn; false: left as lines\n" if count else ""
+            lines.append(f"[[garment.piece]]\nname = {toml_text(part.name)}\n{said}\n{eyes}")
     for joint in draft.joints:
         lines.append(_seam(draft, joint, ""))
     if draft.unsewn:

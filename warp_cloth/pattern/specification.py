@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NoReturn
 
 import numpy as np
@@ -26,6 +27,22 @@ class Edge:
 
 
 @dataclass(frozen=True, eq=False)
+class Dart:
+    """A dart within a panel: cut out from one tip to the other, its legs sewn together.
+
+    Curves of ``one`` lead from the first tip to the second, those of ``other`` back, counter-clockwise together; the
+    first of one is sewn to the last of the other.
+    """
+
+    one: tuple[Curve, ...]
+    other: tuple[Curve, ...]  # as many
+
+    @property
+    def loop(self) -> tuple[Curve, ...]:
+        return (*self.one, *self.other)
+
+
+@dataclass(frozen=True, eq=False)
 class Panel:
     """A flat panel: its outline as a closed loop, and where it is placed.
 
@@ -41,6 +58,7 @@ class Panel:
     notches: Floats | None = None  # [m], shape [N, 2]; drawn only
     lines: tuple[Floats, ...] = ()  # inner lines [m], shape [n, 2] each; drawn only
     holes: tuple[tuple[Curve, ...], ...] = ()  # cut out of it: closed loops of edges, counter-clockwise
+    darts: tuple[Dart, ...] = ()  # within it; others are edges of the outline
 
     def placed(self, points: Floats) -> Floats:
         """Points of the panel [m], shape [N, 2], where they start, shape [N, 3]."""
@@ -48,11 +66,16 @@ class Panel:
             return self.wrap.placed(points)
         return np.asarray(points @ self.rotation[:, :2].T + self.translation)
 
-    @property
+    @cached_property
     def area(self) -> float:
         """Area in closed form [m^2], negative where the loop runs clockwise."""
         around = sum(edge.curve.area for edge in self.edges)
-        return around - math.copysign(sum(curve.area for hole in self.holes for curve in hole), around)
+        return around - math.copysign(sum(curve.area for loop in self.cut_out for curve in loop), around)
+
+    @property
+    def cut_out(self) -> tuple[tuple[Curve, ...], ...]:
+        """The loops of its holes and of the darts within it, counter-clockwise."""
+        return (*self.holes, *(dart.loop for dart in self.darts))
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NoReturn, Protocol
+from typing import Any, NamedTuple, NoReturn, Protocol
 
 from warp_cloth.pattern.specification import MOST_STITCHES, Panel, Side, Stitch, short
 
+MOST_LAYERS = 8  # of cloth at one seam
 WRONG_SIDE = "right_wrong"
-IN_HOLE = -1  # instead of an edge's place: it is of a hole
+
+
+class HolePlace(NamedTuple):
+    """Where an edge of a hole is, instead of its place in the outline."""
+
+    hole: int  # of the panel's, as listed
+    edge: int  # of its loop, as listed
+
+
+class Legs(NamedTuple):
+    """Two edges of a hole that a stitch sews together: of a dart within a panel."""
+
+    panel: int
+    hole: int
+    edges: tuple[int, int]
+    stitch: int  # its number in the file
 
 
 class Refusing(Protocol):
@@ -29,6 +45,17 @@ def labels_of(panel: Mapping[str, Any]) -> dict[str, list[int]]:
     return found
 
 
+class _InHole(NamedTuple):
+    """An edge of a hole that a stitch names."""
+
+    panel: int
+    at: HolePlace
+    name: str  # for messages
+
+
+_Named = Side | _InHole | str  # an edge that a stitch names; the name of one that was dropped
+
+
 class StitchReader:
     """Reads stitches of panels that are read; ``places``: of each edge of the file, None where it was dropped."""
 
@@ -36,7 +63,7 @@ class StitchReader:
         self,
         reader: Refusing,
         panels: list[Panel],
-        places: list[list[int | None]],
+        places: list[list[int | HolePlace | None]],
         labels: list[dict[str, list[int]]],
     ) -> None:
         self.refuse = reader.refuse
@@ -44,9 +71,10 @@ class StitchReader:
         self.named = {panel.name: index for index, panel in enumerate(panels)}
         self.places = places
         self.labels = labels
+        self.legs: list[Legs] = []  # of darts within panels
 
     def stitches(self, listed: Any) -> tuple[Stitch, ...]:
-        """The stitches that a file lists, as single edges."""
+        """The stitches that a file lists, as single edges; those of edges of holes become ``legs``."""
         listed = list(listed.values()) if isinstance(listed, Mapping) else [] if listed is None else listed
         if not isinstance(listed, list):
             self.refuse("pattern.stitches", "is not a list")
@@ -56,7 +84,11 @@ class StitchReader:
         for number, stitch in enumerate(listed):
             place = f"stitch {number}"
             stated_sides, stated = self._stated(stitch, place)
-            for pair_of_sides in self._paired(stated_sides, place):
+            pairs = [pair for other in stated_sides[1:] for pair in self._paired([stated_sides[0], other], place)]
+            for pair_of_sides in pairs:
+                if any(isinstance(side, _InHole) for side in pair_of_sides):
+                    self.legs.append(self._legs(number, place, *pair_of_sides))
+                    continue
                 present = [side for side in pair_of_sides if isinstance(side, Side)]
                 if len(present) == 1:
                     gone = next(str(side) for side in pair_of_sides if not isinstance(side, Side))
@@ -71,7 +103,7 @@ class StitchReader:
         return tuple(stitches.values())
 
     def _stated(self, stitch: Any, place: str) -> tuple[list[Any], bool | None]:
-        """The two sides of a stitch, and whether right is sewn to wrong; None: not stated."""
+        """The sides of a stitch, two or more layers, and whether right is sewn to wrong; None: not stated."""
         entries = list(stitch.values()) if isinstance(stitch, Mapping) else stitch
         if not isinstance(entries, list):
             self.refuse(place, "is not a pair of edges")
@@ -81,9 +113,7 @@ class StitchReader:
             entry for entry in entries if isinstance(entry, list) or (isinstance(entry, Mapping) and "panel" in entry)
         ]
         rest = [entry for entry in entries if not any(entry is side for side in sides)]
-        if len(sides) > 2:
-            self.refuse(place, f"sews {len(sides)} edges together", "cloth has at most two panels at a seam: sew two")
-        if len(sides) != 2 or len(rest) > 2:
+        if not 2 <= len(sides) <= MOST_LAYERS or len(rest) > 2:
             self.refuse(place, "is not a pair of edges")
         stated: bool | None = None
         for entry in rest:
@@ -95,7 +125,15 @@ class StitchReader:
                     stated = value if isinstance(value, bool) else value == WRONG_SIDE
         return sides, stated
 
-    def _paired(self, stated: list[Any], place: str) -> list[tuple[Side | str, Side | str]]:
+    def _legs(self, number: int, place: str, one: _Named, other: _Named) -> Legs:
+        """The legs of a dart: edges of one hole."""
+        rims = [side for side in (one, other) if isinstance(side, _InHole)]
+        if len(rims) == 2 and len({(side.panel, side.at.hole) for side in rims}) == 1:
+            return Legs(rims[0].panel, rims[0].at.hole, (rims[0].at.edge, rims[1].at.edge), number)
+        name = rims[0].name
+        self.refuse(place, f"sews {name}, the rim of a hole", "remove the stitch; a hole is sewn to itself alone")
+
+    def _paired(self, stated: list[Any], place: str) -> list[tuple[_Named, _Named]]:
         """The single edges that a stitch sews together; a side may name several edges of its panel."""
         one, other = (self._sides(side, place) for side in stated)
         if len(one) == len(other):
@@ -104,7 +142,7 @@ class StitchReader:
             self.refuse(place, f"sews {len(one)} edges to {len(other)}", "name as many edges on either side, or one")
         return [(a, b) for a in one for b in other]
 
-    def _sides(self, side: Any, place: str) -> list[Side | str]:
+    def _sides(self, side: Any, place: str) -> list[_Named]:
         """The edges that a side of a stitch names; the names of those that were dropped."""
         if isinstance(side, list) and len(side) == 2:
             side = {"panel": side[0], "edge": side[1]}
@@ -128,13 +166,14 @@ class StitchReader:
                 self.refuse(place, 'a side is not {"panel": NAME, "edge": NUMBER}')
         return [self._side(name, number, place) for number in numbers]
 
-    def _side(self, name: str, number: int, place: str) -> Side | str:
+    def _side(self, name: str, number: int, place: str) -> _Named:
         panel = self.named[name]
         places = self.places[panel]
         if not 0 <= number < len(places):
             problem = f'panel "{short(name)}" has no edge {short(str(number))}; its edges are 0 to {len(places) - 1}'
             self.refuse(place, problem, "correct the stitch, or remove it")
         edge = places[number]
-        if edge == IN_HOLE:
-            self.refuse(place, f'sews panel "{short(name)}", edge {number}, the rim of a hole', "remove the stitch")
-        return f'panel "{short(name)}", edge {number}' if edge is None else Side(panel, edge)
+        told = f'panel "{short(name)}", edge {number}'
+        if isinstance(edge, HolePlace):
+            return _InHole(panel, edge, told)
+        return told if edge is None else Side(panel, edge)

@@ -96,6 +96,7 @@ class PieceSpec(Table):
         description="How often it is cut as drawn, and mirrored: [1, 1] is a pair, [6, 0] six gores of a skirt; "
         "by default as stated.",
     )
+    darts: bool = Field(default=True, description="Whether a V or diamond of inner lines is a dart.")
 
 
 class Wearable(Table):
@@ -299,7 +300,7 @@ class GarmentSpec(Wearable):
             self.size,
             1e-3 * (self.seam_allowance_mm or 0.0),
             tuple(StatedSeam(seam.sew, seam.right_to_wrong) for seam in self.seam),
-            {piece.name: Stated(piece.place, piece.copies) for piece in self.piece},
+            {piece.name: Stated(piece.place, piece.copies, piece.darts) for piece in self.piece},
         )
 
     @property

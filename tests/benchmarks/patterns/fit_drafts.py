@@ -4,8 +4,9 @@
 
 T-shirt and trousers on the mannequin of the same size, the hooded top on a woman with her arms down; nothing is set but
 the pattern, its size, cotton and the body. The drafts, and which seams are true, are those of the tests
-(`tests/dxf_patterns.py`, `tests/dxf_panelled.py`). A seam is false where it is sewn and not among the true ones of its
-kind. Pictures: OUT/GARMENT_SIZE/preview.png. Results that are in --out already are not computed again.
+(`tests/dxf_patterns.py`, `tests/dxf_panelled.py`, `tests/dxf_darted.py`). A seam is false where it is sewn and not
+among the true ones of its kind. Pictures: OUT/GARMENT_SIZE/preview.png. Results that are in --out already are not
+computed again.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from dxf_darted import TRUE_DARTED_SEAMS, darted
 from dxf_panelled import PANELLED, TRUE_PANELLED_SEAMS
 from dxf_patterns import GARMENTS, GRADES, STYLES, TRUE_SEAMS, Style, write
 from measured import Figures, add_write_option
@@ -28,7 +30,8 @@ from measured import Figures, add_write_option
 from warp_cloth.pattern import DraftOptions, read_drafted
 from warp_cloth.pattern.drafted import Draft
 
-DRAFTS, TRUE = GARMENTS | PANELLED, TRUE_SEAMS | TRUE_PANELLED_SEAMS
+DRAFTS = GARMENTS | PANELLED | {"darted": darted}
+TRUE = TRUE_SEAMS | TRUE_PANELLED_SEAMS | {"darted": TRUE_DARTED_SEAMS}
 ARMS_DOWN = "anny/female_avg_arms_down.obj"
 BODIES = {"hooded": ARMS_DOWN}  # of --data; others are worn by the mannequin
 
