@@ -12,10 +12,12 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.bench.trials import drape_disc
 from warp_cloth.cli.main import app
-from warp_cloth.drape.outline import ANGLES, Outline, outline_of_points
+from warp_cloth.drape.outline import ANGLES, Outline, outline_of_drape, outline_of_points
 from warp_cloth.drape.reading import Setting, read_drape
-from warp_cloth.drape.simulated import Trial, bending_lengths, random_start, simulate, with_bending_lengths
+from warp_cloth.drape.refine import starts_of
+from warp_cloth.drape.simulated import Trial, bending_lengths, hanging, random_start, simulate, with_bending_lengths
 from warp_cloth.drape.table import KNOWN_CLASS, drapes_of_ratio, estimate
 from warp_cloth.material.fabric import fabric_named, load_fabric, resolve_fabric
 from warp_cloth.material.laboratory import KES_BENDING
@@ -199,6 +201,23 @@ def test_a_drape_has_no_size() -> None:
     (large,) = simulate([Trial(cloth, random_start(0))], 0.09, 5.0 / 3.0, rings=8)
     (half,) = simulate([Trial(small, random_start(0))], 0.045, 5.0 / 3.0, rings=8)
     assert half.outline.radius == pytest.approx(large.outline.radius, abs=1e-4)
+
+
+def test_a_disc_starts_in_the_folds_of_an_outline() -> None:
+    hangs = wave(6)
+    mesh = drape_disc(30, SETTING.disc)
+    points = hanging(mesh, SETTING.ratio, hangs)
+    assert outline_of_drape(mesh, points, SETTING.support).radius == pytest.approx(hangs.radius, abs=0.01)
+    edges = mesh.points[mesh.triangles] - np.roll(mesh.points[mesh.triangles], 1, axis=1)
+    now = points[mesh.triangles] - np.roll(points[mesh.triangles], 1, axis=1)
+    stretched = np.linalg.norm(now, axis=2) / np.linalg.norm(edges, axis=2)
+    assert np.median(stretched) == pytest.approx(1.0, abs=0.1)  # the wave is not quite one that cloth could take
+
+
+def test_of_many_drapes_low_ones_and_high_ones_are_simulated() -> None:
+    outlines = [wave(7, mean) for mean in (1.5, 1.2, 1.3, 1.4, 1.25, 1.35, 1.45)]  # from 1.2 to 1.5
+    assert list(starts_of(outlines, SETTING.ratio)) == [0, 1, 2, 3]
+    assert list(starts_of(outlines[:2], SETTING.ratio)) == [0, 1]
 
 
 def test_the_command_makes_a_fabric_that_loads(tmp_path: Path) -> None:

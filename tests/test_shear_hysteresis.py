@@ -10,10 +10,11 @@ from cloths import cloth_forces, grid, model_of, without
 
 import warp_cloth
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.bench.specimen import piece
 from warp_cloth.bench.swatch import disc
 from warp_cloth.garment.laid import laid_by
-from warp_cloth.garment.rest import RestShape, build_rest_shape
+from warp_cloth.garment.rest import RestKey, RestShape, build_rest_shape
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.material.constants import CLINGING_SHEAR
 from warp_cloth.material.fabric import Fabric, resolve_fabric
@@ -25,6 +26,7 @@ PLAIN = resolve_fabric({"stretch": 2e4, "shear": 50.0})
 RUBBING = resolve_fabric({"stretch": 2e4, "shear": 50.0, "shear_hysteresis_2HG": WIDTH})
 NONE = np.zeros(0, dtype=np.int32)
 MESH = disc(0.05, 0.01, 0.01, 0)  # irregular
+CURVED = MESH.points + 5.0 * MESH.points[:, :1] ** 2 * [0.0, 1.0, 0.0]
 
 
 def sheared(angle: float) -> np.ndarray:
@@ -93,6 +95,22 @@ def test_a_fabric_states_2hg_and_without_it_there_is_no_part_of_it() -> None:
     assert not model.weave.shear_hysteresis
     edges = build_rest_shape(MESH, Fabric(shear_friction=1.0), rest="uv")
     assert edges.yarns is None  # whose cloth has no yarns to rub
+
+
+@pytest.mark.parametrize(
+    ("shear", "mesh", "why"),
+    [
+        (50.0, replace(MESH, texcoords=None, points=CURVED), "the mesh has no texture coordinates"),
+        ("edges", MESH, 'its shear is "edges"'),
+    ],
+)
+def test_friction_in_shear_without_yarns_is_told(shear: float | str, mesh: Mesh, why: str) -> None:
+    fabric = resolve_fabric({"stretch": 2e4, "shear": shear, "shear_hysteresis_2HG": WIDTH})
+    rest: RestKey = "mesh" if mesh.texcoords is None else "uv"
+    told = [note for note in build_rest_shape(mesh, fabric, rest=rest).notes if "shear_hysteresis_2HG" in note]
+    assert len(told) == 1
+    assert why in told[0]
+    assert not any("2HG" in note for note in build_rest_shape(MESH, RUBBING, rest="uv").notes)
 
 
 def test_a_fit_tells_both_ends_of_its_band_on_request() -> None:

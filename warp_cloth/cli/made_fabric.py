@@ -82,6 +82,12 @@ def make_fabric(test: DrapeTest, further: Sequence[str], out: Path, device: str)
             f"{out.stem}: bending B {warp:.3g} along the warp, {weft:.3g} along the weft [gf cm2/cm], "
             f"+- {error:.0f} % each, +- {mean_error:.0f} % in the mean"
         )
+        lines += note_rows(
+            [
+                f"real fabrics draped again differ by {made.again:.1f} points (typical standard deviation), which is "
+                f"{100.0 * made.again_error:.0f} % of B more; several photographs of fresh drapes tell it better"
+            ]
+        )
         if test.base is None:
             lines += note_rows(["stretch and shear are the generic fabric's; --base NAME takes those of a like cloth"])
         lines += note_rows(made.notes)

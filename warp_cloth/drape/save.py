@@ -31,6 +31,8 @@ def fabric_toml(made: MadeFabric, setting: Setting, source: str) -> str:
         f"weight_gsm = {1e3 * fabric.weight:.6g} # as stated",
         f"bending_B_warp = {warp:.4g} # gf cm2/cm, +- {error:.0f} % (one standard deviation)",
         f"bending_B_weft = {weft:.4g} # +- {error:.0f} %; the mean of both: +- {mean_error:.0f} %",
+        f"# Real fabrics draped again differ by {made.again:.1f} points (typical standard deviation), which is "
+        f"{100.0 * made.again_error:.0f} % of B more.",
         "# A drape hardly tells what follows: it is typical, and the base's.",
         f"emt_warp_percent = {100.0 * (KES_FORCE / fabric.stretch_warp) ** 0.5:.4g} # % at 500 gf/cm",
         f"emt_weft_percent = {100.0 * (KES_FORCE / fabric.stretch_weft) ** 0.5:.4g}",
@@ -72,7 +74,7 @@ def overlay(made: MadeFabric, readings: Sequence[DrapeReading], setting: Setting
         if reading.plate is not None:
             _line(draw, scale * _on_picture(Outline(np.ones(ANGLES)), reading, setting, np.zeros(2)), PLATE)
         text = f"drape coefficient {reading.coefficient:.1f} %, {reading.outline.folds} folds (red)"
-        if number < len(made.simulated):
+        if number in made.simulated:
             simulated = made.simulated[number].outline
             middle = reading.contour.mean(axis=0) - _on_picture(reading.outline, reading, setting, np.zeros(2)).mean(
                 axis=0

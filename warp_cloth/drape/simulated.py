@@ -15,7 +15,7 @@ from warp_cloth.material.laboratory import GRAVITY, bending_length, bending_of_r
 
 RINGS = (20, 36)  # fewest and most; 1,060 vertices, 3 to 10 s on a core, and 3,400
 EDGE = 0.4  # of the bending length, at most where rings allow; coarser meshes hold limp cloth up by 10 points
-STARTING_WAVE = 4e-3  # [m], at the rim, where a drape starts in the folds of a photograph
+HANGING_DROP = 0.95  # of the drop of a rim that hangs from the support's edge on straight lines: cloth is round there
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Trial:
     """A disc to drape."""
 
     fabric: Fabric
-    start: Floats  # height of its rim over the angle [m], shape [ANGLES]
+    start: Floats | Outline  # height of its flat rim over the angle [m], shape [ANGLES]; or how it already hangs
     mesh_seed: int = 0
 
 
@@ -75,7 +75,9 @@ def simulate(
     discs = []
     for trial in trials:
         mesh = meshes[trial.mesh_seed]
-        discs.append(Hanging(mesh, scaled[id(trial.fabric)], _waved(mesh, radius, trial.start)))
+        start = trial.start
+        placed = hanging(mesh, ratio, start) if isinstance(start, Outline) else _waved(mesh, radius, start)
+        discs.append(Hanging(mesh, scaled[id(trial.fabric)], placed))
     return [
         SimulatedDrape(each.mesh, settled.points, outline_of_drape(each.mesh, settled.points, SUPPORT_RADIUS))
         for each, settled in zip(discs, hung(discs, device, DRAPE_ITERATIONS), strict=True)
@@ -101,12 +103,6 @@ def random_start(seed: int) -> Floats:
     return np.asarray(1e-3 * wave)
 
 
-def start_of_outline(outline: Outline) -> Floats:
-    """Waves [m] in the folds of an outline: cloth is high where it stands out."""
-    smooth = outline.smooth - outline.smooth.mean()
-    return STARTING_WAVE * smooth / max(float(np.abs(smooth).max()), 1e-9)
-
-
 def _waved(mesh: Mesh, disc_radius: float, start: Floats) -> Points:
     radius, angle = np.hypot(mesh.points[:, 0], mesh.points[:, 2]), np.arctan2(-mesh.points[:, 2], mesh.points[:, 0])
     height = np.interp(angle * ANGLES / (2.0 * np.pi), np.arange(ANGLES), start, period=ANGLES)
@@ -114,3 +110,26 @@ def _waved(mesh: Mesh, disc_radius: float, start: Floats) -> Points:
     points = mesh.points.copy()
     points[:, 1] += height * out**2
     return points
+
+
+def hanging(mesh: Mesh, ratio: float, outline: Outline) -> Points:
+    """Points [m] of the disc, laid on straight lines from the support's edge to its rim below an outline.
+
+    Slight waves would do for a start, but cloth grows folds of other numbers from them.
+    """
+    turn = 2.0 * np.pi * np.arange(ANGLES) / ANGLES
+    rim = np.clip(outline.smooth, 1.0, ratio)
+    drop = HANGING_DROP * np.sqrt((ratio - 1.0) ** 2 - (rim - 1.0) ** 2)
+    # the rim is stretched evenly: as far along it in the cloth as along the outline in space
+    place = np.column_stack([rim * np.cos(turn), rim * np.sin(turn), drop])
+    side = np.linalg.norm(np.roll(place, -1, axis=0) - place, axis=1)
+    ahead = 2.0 * np.pi * (np.cumsum(side) - side) / side.sum() - turn
+    ahead -= ahead.mean()
+    flat = np.hypot(mesh.points[:, 0], mesh.points[:, 2]) / SUPPORT_RADIUS
+    angle = np.arctan2(-mesh.points[:, 2], mesh.points[:, 0])
+    seen = angle - np.interp(angle, turn + ahead, ahead, period=2.0 * np.pi)
+    out = np.maximum(flat - 1.0, 0.0) / (ratio - 1.0)
+    radius = np.minimum(flat, 1.0) + out * (np.interp(seen, turn, rim, period=2.0 * np.pi) - 1.0)
+    turned = angle + out * (seen - angle)
+    height = -out * np.interp(seen, turn, drop, period=2.0 * np.pi)
+    return SUPPORT_RADIUS * np.column_stack([radius * np.cos(turned), height, -radius * np.sin(turned)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.resources import files
 
 import numpy as np
@@ -15,14 +15,14 @@ from warp_cloth.base.errors import InputError
 Floats = NDArray[np.float64]
 
 USUAL_ANISOTROPY = 0.2  # standard deviation of ln(bending length along warp / weft) of woven cloth
-KNOWN_CLASS = 0.03  # of ln(bending length): what shear and stretch a quarter off the base's do to a drape
+KNOWN_CLASS = 0.03  # of ln(bending length): what a stretch two times off the base's and a shear a quarter off do
 UNKNOWN_CLASS = 0.07  # the same where they may be four times off
 MOST_ERROR = 0.5  # of ln(bending length): what is known of cloth without a drape
 DEEPER = 0.07  # times 1 - coefficient: the part by which tips of the 25 measured fabrics reach farther than the table's
 FULLNESS_ERROR = 0.03  # how far these fabrics lie from one line
 BEYOND = 5.0  # [points] outside the table, where the drape says that a cloth is limp or stiff, no more
-OWN_FOLDS = 0.7  # of elongation_spread is left between a drape and its simulation in the same folds
-LEAST_SPREAD = 0.6  # [points] of one disc's coefficient
+LEAST_SPREAD, LEAST_UNEVEN = 0.3, 0.003  # of one disc's coefficient [points] and elongation: other meshes do that
+AGAIN = 15.0  # [points] times c (1 - c): rms spread of ten measured fabrics of 48 captures, one sample draped again
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,9 @@ class Drapes:
     ratio: float
     length: Floats  # ln, shape [N]
     coefficient: Floats  # [%], rising, shape [N]
-    spread: float  # of one disc's coefficient [points]
+    spread: Floats  # of one disc's coefficient [points], shape [N]
     elongation: Floats  # per ln(anisotropy), shape [N]
-    elongation_spread: float  # of one disc
+    elongation_spread: Floats  # of one disc, shape [N]
     reach: Floats  # of the farthest tip [support radii], shape [N]
     reach_spread: float  # of one disc
 
@@ -58,18 +58,24 @@ class Drapes:
         low, found, high = np.interp(fullness + off, risen, reach[limpest:])
         return float(found), float(np.hypot(max(high - found, found - low), self.reach_spread))
 
-    def uneven(self, length: float, elongation: float, known: float, spread: float) -> tuple[float, float]:
-        """Anisotropy whose drapes stand out so much more than those of ``known``, and its standard deviation."""
-        gain = float(np.interp(length, self.length, self.elongation))
+    def spread_at(self, length: float) -> float:
+        """Standard deviation of one disc's coefficient [points]."""
+        return float(np.interp(length, self.length, self.spread))
+
+    def gain_at(self, length: float) -> float:
+        """Elongation per ln(anisotropy)."""
+        return float(np.interp(length, self.length, self.elongation))
+
+    def elongation_spread_at(self, length: float) -> float:
+        """Standard deviation of one disc's elongation."""
+        return float(np.interp(length, self.length, self.elongation_spread))
+
+    def uneven(self, length: float, elongation: float, spread: float) -> tuple[float, float]:
+        """Anisotropy of cloth that stands out so, read with a standard deviation ``spread``, and its own."""
+        gain = self.gain_at(length)
         # what is usual counts as one more observation: a weak picture then says little, not nonsense
         precision = (gain / spread) ** 2 + 1.0 / USUAL_ANISOTROPY**2
-        return gain * (elongation + gain * known) / spread**2 / precision, precision**-0.5
-
-    def turned_by(self, found: BendingEstimate, missed: float, count: int) -> BendingEstimate:
-        """The estimate after ``count`` drapes, simulated in the photographs' folds, missed this much elongation."""
-        spread = OWN_FOLDS * self.elongation_spread / count**0.5
-        anisotropy, error = self.uneven(found.length, missed, found.anisotropy, spread)
-        return replace(found, anisotropy=anisotropy, anisotropy_error=error)
+        return gain * elongation / spread**2 / precision, precision**-0.5
 
 
 @dataclass(frozen=True)
@@ -105,9 +111,9 @@ def drapes_of_ratio(ratio: float) -> Drapes:
         ratio,
         low.length,
         mixed(low.coefficient, high.coefficient),
-        max(low.spread, high.spread),
+        mixed(low.spread, high.spread),
         mixed(low.elongation, high.elongation),
-        max(low.elongation_spread, high.elongation_spread),
+        mixed(low.elongation_spread, high.elongation_spread),
         mixed(low.reach, high.reach),
         max(low.reach_spread, high.reach_spread),
     )
@@ -130,16 +136,25 @@ def estimate(
         raise InputError(place, problem, "use a smaller disc for limp cloth, a larger one for stiff cloth")
     length = float(np.interp(mean, drapes.coefficient, drapes.length))
     count = len(coefficients)
-    single = drapes.spread**2 + float(np.mean(errors**2))
+    single = drapes.spread_at(length) ** 2 + float(np.mean(errors**2))
     if count > 1:  # what the drapes themselves show, where it is more
         single = max(single, float(np.var(coefficients, ddof=1)))
     length_error = float(np.hypot(np.sqrt(single / count) / drapes.slope(length), rest_error))
     length_error = min(length_error, MOST_ERROR)
     anisotropy, anisotropy_error = 0.0, USUAL_ANISOTROPY
     if elongations is not None:
-        spread = drapes.elongation_spread / count**0.5
-        anisotropy, anisotropy_error = drapes.uneven(length, float(np.mean(elongations)), 0.0, spread)
+        spread = drapes.elongation_spread_at(length) / count**0.5
+        anisotropy, anisotropy_error = drapes.uneven(length, float(np.mean(elongations)), spread)
     return BendingEstimate(length, length_error, anisotropy, anisotropy_error)
+
+
+def spread_again(coefficient: float) -> float:
+    """Standard deviation of a real fabric's drape coefficient [%] when it is draped again [points].
+
+    Friction in cloth keeps it as it was laid; simulated discs without friction spread by a third of it or less.
+    """
+    covered = float(np.clip(0.01 * coefficient, 0.0, 1.0))
+    return AGAIN * covered * (1.0 - covered)
 
 
 @functools.cache
@@ -152,7 +167,7 @@ def _tables() -> dict[float, Drapes]:
 
 def _drapes(rows: list[dict[str, float]]) -> Drapes:
     lengths = np.array(sorted({row["length"] for row in rows}))
-    levels, gains, residuals, off, reaches, reach_off = [], [], [], [], [], []
+    levels, spreads, gains, off, reaches, reach_off = [], [], [], [], [], []
     for length in lengths:
         here = [row for row in rows if row["length"] == length]
         coefficients = np.array([row["coefficient"] for row in here])
@@ -160,24 +175,30 @@ def _drapes(rows: list[dict[str, float]]) -> Drapes:
         stretched = np.array([row["elongation"] for row in here])
         usual = uneven < 0.3  # up to 1.35: what most fabrics are
         levels.append(float(coefficients[usual].mean()))
-        residuals.append(coefficients[usual] - levels[-1])
+        spreads.append(_within(coefficients, uneven))
         reach = np.array([row["reach"] for row in here])[usual]
         reaches.append(float(reach.mean()))
         reach_off.append(reach - reaches[-1])
-        gain = float(uneven @ stretched / (uneven @ uneven))
-        gains.append(max(gain, 0.0))
-        off.append(stretched - gain * uneven)
+        gains.append(max(float(uneven @ stretched / (uneven @ uneven)), 0.0))
+        off.append(_within(stretched, uneven))
     rising = _monotone(np.array(levels))
     return Drapes(
         rows[0]["ratio"],
         np.log(lengths),
         rising,
-        max(float(np.concatenate(residuals).std()), LEAST_SPREAD),
+        _smooth(np.maximum(spreads, LEAST_SPREAD)),
         _smooth(np.array(gains)),
-        float(np.concatenate(off).std()),
+        _smooth(np.maximum(off, LEAST_UNEVEN)),
         _smooth(np.array(reaches)),
         float(np.concatenate(reach_off).std()),
     )
+
+
+def _within(values: Floats, kind: Floats) -> float:
+    """Standard deviation of values within their kinds."""
+    kinds = np.unique(kind)
+    squares = sum(float(((values[kind == each] - values[kind == each].mean()) ** 2).sum()) for each in kinds)
+    return float(np.sqrt(squares / (len(values) - len(kinds))))
 
 
 def _monotone(values: Floats) -> Floats:

@@ -201,7 +201,8 @@ def rest_in_fabric(geometry: RestGeometry, vertex_count: int, fabric: Fabric) ->
     """
     weight = fabric.weight * geometry.area * GRAVITY / vertex_count
     shape = _constants(geometry, np.full(vertex_count, weight), fabric)
-    notes = unlikely_values(fabric) + _check_directions(fabric, geometry.sheet.directed)
+    directed = geometry.sheet.directed
+    notes = unlikely_values(fabric) + _check_directions(fabric, directed) + _check_shear_friction(fabric, directed)
     return replace(shape, notes=geometry.notes + notes)
 
 
@@ -319,3 +320,11 @@ def _check_directions(fabric: Fabric, directed: bool) -> tuple[str, ...]:
         f'the mesh has no texture coordinates for warp and weft, so the fabric "{fabric.name}" '
         "is treated as equal in all directions, without its shear",
     )
+
+
+def _check_shear_friction(fabric: Fabric, directed: bool) -> tuple[str, ...]:
+    """A note where the fabric states friction in shear and has no yarns that could rub."""
+    if fabric.shear_friction == 0.0 or (directed and fabric.woven):
+        return ()
+    why = 'its shear is "edges"' if directed else "the mesh has no texture coordinates for warp and weft"
+    return (f'the shear_hysteresis_2HG of the fabric "{fabric.name}" is left out: {why}',)

@@ -62,7 +62,9 @@ def rubbing_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> tuple[Flo
     curvature = MATCHED_FOLD / bending_length(rigidity_of_bending(fabric.bending, fabric.weight), fabric.weight)
     displacements = np.zeros((len(evens), len(fixed)))
     scales = [_scales(sheet, length, folds, elastic.bends, patches, power) for power in (3, 1)]
-    largest = np.max(np.abs(evens), axis=0)
+    # a grid's diagonals fold along the biases alone: yarns cling up to the same curvature in these, too
+    bias = np.max(np.abs(biased), axis=0) if biased else np.zeros_like(folds.across)
+    largest = np.maximum(np.max(np.abs(evens), axis=0), bias)
     for rounds in ROUNDS:
         largest = np.maximum(largest, LEAST_FOLD * folds.across)
         rubbing = Rubbing(fits[1].stiffness / curvature**2, CLINGING * largest / curvature)
@@ -70,7 +72,7 @@ def rubbing_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> tuple[Flo
             balance.folded(fits[0].stiffness, even, displacement, rounds, rubbing).copy()  # which it uses again
             for even, displacement in zip(evens, displacements, strict=True)
         ]
-        largest = np.where(within, np.max(np.abs(balanced), axis=0), largest)
+        largest = np.where(within, np.maximum(np.max(np.abs(balanced), axis=0), bias), largest)
         for fit, term, power, scale in zip(fits, (elastic, friction), (3, 1), scales, strict=True):
             counted = np.where(within, fit.stiffness, 0.0)
             works, eases = [], []

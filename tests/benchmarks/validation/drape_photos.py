@@ -1,8 +1,11 @@
 """Fabrics from rendered photographs of known drapes: how often coefficient and bending come back.
 
-python tests/benchmarks/validation/drape_photos.py --fabrics 10 --photos 3            (reading only)
-python tests/benchmarks/validation/drape_photos.py --fabrics 10 --photos 3 --refine   (with real fits)
-python tests/benchmarks/validation/drape_photos.py --fabrics 60 --refine --outlines --device cuda --workers 6
+Every photograph is of another fabric, whose stretch and shear are off those that the fit is told.
+
+python tests/benchmarks/validation/drape_photos.py --fabrics 100 --workers 6 --device cuda --write
+python tests/benchmarks/validation/drape_photos.py --fabrics 30 --keep drapes   (takes the drapes that it made before)
+python tests/benchmarks/validation/drape_photos.py --fabrics 30 --table         (the table's estimate alone)
+python tests/benchmarks/validation/drape_photos.py --fabrics 60 --outlines      (no photographs)
 """
 
 from __future__ import annotations
@@ -18,12 +21,16 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from drape_photos import photograph, random_view
+from measured import Figures, add_write_option
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.bench.trials import SUPPORT_RADIUS, drape_disc
 from warp_cloth.drape.made import fabric_of_readings, rigidities
+from warp_cloth.drape.outline import outline_of_drape
 from warp_cloth.drape.photograph import Photograph
 from warp_cloth.drape.reading import DrapeReading, Setting, read_drape
 from warp_cloth.drape.simulated import SimulatedDrape, Trial, random_start, simulate, with_bending_lengths
@@ -69,8 +76,7 @@ def tried(photos: int, rings: int, refine: bool, outlines: bool, device: str, fo
     start_warp(False)
     setting = Setting()
     true, base, truth = unknown_fabric(number, setting)
-    trial = Trial(true, random_start(100 + number), 100 + number)
-    (drape,) = simulate([trial], setting.support, setting.ratio, device=device, rings=rings)
+    drape = draped(true, setting, rings, device, folder, number)
     found = []
     for copy in range(1 if outlines else photos):
         name = f"{number}_{copy}"
@@ -94,6 +100,19 @@ def tried(photos: int, rings: int, refine: bool, outlines: bool, device: str, fo
     return found
 
 
+def draped(fabric: Fabric, setting: Setting, rings: int, device: str, folder: Path, number: int) -> SimulatedDrape:
+    """The drape to be photographed, kept in the folder from an earlier run where that made it."""
+    radius = SUPPORT_RADIUS * setting.ratio
+    kept, mesh = folder / f"{number}_{rings}.npy", drape_disc(rings, radius, 100 + number)
+    if kept.exists():
+        points = np.load(kept)
+        return SimulatedDrape(mesh, points, outline_of_drape(mesh, points, SUPPORT_RADIUS))
+    trial = Trial(fabric, random_start(100 + number), 100 + number)
+    (drape,) = simulate([trial], setting.support, setting.ratio, device=device, rings=rings)
+    np.save(kept, drape.points)
+    return drape
+
+
 def photographed(drape: SimulatedDrape, setting: Setting, number: int, copy: int, folder: Path) -> DrapeReading:
     view, path = random_view(1000 * number + copy), folder / f"{number}_{copy}.jpg"
     photograph(drape.points, drape.mesh.triangles, view, setting.support, setting.disc, path)
@@ -108,28 +127,10 @@ def outlined(drape: SimulatedDrape, setting: Setting) -> DrapeReading:
     return DrapeReading(nothing, None, np.zeros((0, 2)), np.zeros((2, 3)), outline, coefficient, PLAIN_ERROR, ())
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--fabrics", type=int, default=10)
-    parser.add_argument("--photos", type=int, default=3, help="of each fabric")
-    parser.add_argument("--rings", type=int, default=32, help="of the discs that are photographed")
-    parser.add_argument("--refine", action="store_true")
-    parser.add_argument("--outlines", action="store_true", help="no photographs: the simulated outlines themselves")
-    parser.add_argument("--device", default="cpu")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--keep", type=Path, help="folder for the photographs")
-    chosen = parser.parse_args()
-    folder = chosen.keep or Path(tempfile.mkdtemp())
-    folder.mkdir(exist_ok=True)
-    try_one = partial(tried, chosen.photos, chosen.rings, chosen.refine, chosen.outlines, chosen.device, folder)
-    every: list[Found] = []
-    with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
-        for some in pool.map(try_one, range(chosen.fabrics)):
-            every += some
-            for each in some:
-                print(each.text, flush=True)
+def counted(every: list[Found], figures: Figures, kind: str) -> None:
+    """The counts, and how far off bending is."""
     read = [each for each in every if np.isfinite(each.coefficient_off)]
-    limit, kind = np.log(1.15), "outlines" if chosen.outlines else "photographs"
+    limit = np.log(1.15)
     counts = {
         "read": len(read),
         "coefficient_within_1": sum(abs(each.coefficient_off) < 1.0 for each in read),
@@ -139,7 +140,43 @@ def main() -> None:
         "both_B_within_two_stated": sum(max(map(abs, each.rigidity_off)) < 2.0 * each.errors[1] for each in read),
     }
     for key, count in counts.items():
-        print(f"{key}: {count} of {len(every)} {kind}")
+        figures.add(key, f"{count} of {len(every)}", kind)
+    stated = np.array([each.errors for each in read]).mean(axis=0)
+    for name, column, values in (
+        ("mean_B_off", 0, [each.mean_off for each in read]),
+        ("one_B_off", 1, [each.rigidity_off for each in read]),
+    ):
+        rms = float(np.sqrt(np.mean(np.square(values))))
+        figures.add(name, 100.0 * rms, f"% rms over the {kind}; {100.0 * stated[column]:.0f} % stated")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--fabrics", type=int, default=30)
+    parser.add_argument("--first", type=int, default=0, help="number of the first fabric")
+    parser.add_argument("--photos", type=int, default=1, help="of each fabric")
+    parser.add_argument("--rings", type=int, default=32, help="of the discs that are photographed")
+    parser.add_argument("--table", action="store_true", help="the table's estimate alone, without simulation")
+    parser.add_argument("--outlines", action="store_true", help="no photographs: the simulated outlines themselves")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--keep", type=Path, help="folder for drapes and photographs; drapes that it has are taken")
+    add_write_option(parser)
+    chosen = parser.parse_args()
+    folder = chosen.keep or Path(tempfile.mkdtemp())
+    folder.mkdir(exist_ok=True)
+    try_one = partial(tried, chosen.photos, chosen.rings, not chosen.table, chosen.outlines, chosen.device, folder)
+    every: list[Found] = []
+    kind = "outlines" if chosen.outlines else "photographs"
+    with (
+        ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool,
+        Figures(__file__, chosen, device=chosen.device, cores=chosen.workers) as figures,
+    ):
+        for some in pool.map(try_one, range(chosen.first, chosen.first + chosen.fabrics)):
+            every += some
+            for each in some:
+                print(each.text, flush=True)
+        counted(every, figures, f"{kind}, by the table alone" if chosen.table else kind)
 
 
 if __name__ == "__main__":

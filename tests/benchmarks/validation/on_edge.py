@@ -12,7 +12,7 @@ such cloth buckles under any weight; with friction it is B = h / clinging, as lo
 The strip rests in its own plane. There the forces sideways are the lateral stiffness times the displacement sideways;
 its smallest eigenvalue falls through zero where the strip buckles, and no relaxation near that weight is needed.
 
-python tests/benchmarks/validation/on_edge.py --across 4 8
+python tests/benchmarks/validation/on_edge.py --across 4 8 16
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ FACTOR = 12.85 * 2.0**0.5
 STIFFNESS = FABRIC.weight * GRAVITY * LENGTH**3 / FACTOR  # B [N m]: theory's buckling weight is the fabric's own
 FRICTION = STIFFNESS * CLINGING  # h [N]
 RUBBING = replace(FABRIC, bending_friction_warp=FRICTION, bending_friction_weft=FRICTION)
-ACROSS = (4, 8)  # elements over the depth
-MOVED = 1e-7  # [m] sideways, for the stiffness; cloth clings, and its elastic law does not count
+ACROSS = (4, 8, 16)  # elements over the depth
+MOVED = 1e-9  # [m] sideways, for the stiffness: at 1e-7 the elastic law already counts on fine meshes
 CURVED = 1e-3  # curvature, and twist [1/m]; likewise
 PLANAR = Tolerance(relative_rms=1e-4, relative_p99=1e-3, rest_error=1e-5)
 LIMIT = 20_000  # iterations
