@@ -13,9 +13,10 @@ from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import ARMS, LEGS
 from warp_cloth.anatomy.raising import LEGS_AWAY, raised_limb
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM
-from warp_cloth.base.curves import arc_lengths
+from warp_cloth.base.curves import arc_lengths, resampled
 from warp_cloth.dressing.panels import CLOSED, legs_parted, skirt_closed
-from warp_cloth.dressing.routes import Route, _is_armhole, curves_of
+from warp_cloth.dressing.posing import STATIONS, PosedBody
+from warp_cloth.dressing.routes import Route, _is_armhole, _turned_up, curves_of
 
 SHOULDER = np.array([0.2, 1.4, 0.0])
 
@@ -53,6 +54,34 @@ def test_an_armhole_is_where_the_shoulder_is_at_home() -> None:
     at_shoulder = 0.2 / 0.8 * (count - 1)  # of the curve at home
     np.testing.assert_allclose(curve[round(at_shoulder)], way[2], atol=1e-9)
     np.testing.assert_allclose(curve[[0, -1]], way[[0, -1]])
+
+
+def test_an_arm_is_not_turned_beyond_the_vertical() -> None:
+    """Though it would be clearer there: it would cross its own strap."""
+    space = SimpleNamespace(
+        between_layers=lambda along, _: np.zeros(len(along), dtype=bool),
+        clearances=lambda along: np.maximum(-along[:, 0], 0.0),  # the more, the farther on the other side
+    )
+    body = skeleton()
+    body.forward = np.array([0.0, 0.0, 1.0])
+    direction, turned = _turned_up(np.zeros(3), body.left, 0.5, LEFT_ARM, body, space)  # type: ignore[arg-type]
+    assert direction @ body.left >= -1e-12
+    assert turned <= 90.0
+
+
+def test_raised_arms_are_lowered_to_the_shoulders() -> None:
+    """Turned as they are raised, while all else is at home."""
+    body = object.__new__(PosedBody)
+    body._skeleton = skeleton()
+    body.home = [resampled(curve, STATIONS) for curve in [*skeleton().curves, skeleton().curves[0]]]
+    up = np.array([[0.0, 1.4, 0.0], [0.2, 1.6, 0.0], [0.6, 2.0, 0.0]])
+    posed = [resampled(up, STATIONS)] * len(body.home)
+    low = body.at_shoulders(posed, body.home)
+    shoulder = round(0.2 / 0.8 * (STATIONS - 1))
+    np.testing.assert_allclose(low[LEFT_ARM][: shoulder + 1], body.home[LEFT_ARM][: shoulder + 1], atol=1e-12)
+    turned, raised = (np.diff(curves[LEFT_ARM][shoulder:], axis=0) for curves in (low, posed))
+    np.testing.assert_allclose(turned, raised, atol=1e-12)
+    assert low[LEGS[0]] is body.home[LEGS[0]]
 
 
 FAN, WAIST = slice(0, 6 * 41), slice(0, 41)
@@ -184,6 +213,18 @@ def test_a_neckline_that_starts_behind_the_neck_is_moved_round_it() -> None:
     np.testing.assert_allclose(moved, [0.0, 0.0, 0.15], atol=1e-12)
     assert wearing.pierced(points + moved) == ()
     np.testing.assert_array_equal(wearing._onto_neck(points + moved), np.zeros(3))
+
+
+@pytest.mark.parametrize(("above", "girth", "is_so"), [(0.2, 0.7, True), (0.05, 0.7, False), (0.2, 1.3, False)])
+def test_the_head_is_in_a_high_neckline_narrower_than_the_shoulders(above: float, girth: float, is_so: bool) -> None:
+    """Roots of arms are 0.4 m apart here, and the circle over both is 1.26 m around."""
+    body = skeleton()
+    body.curves[ARMS[0]] = body.curves[ARMS[0]] * [-1.0, 1.0, 1.0]
+    neckline: Any = SimpleNamespace(girth=girth)
+    none: Any = np.zeros((0, 3))
+    wearing = Wearing((neckline,), ((HEAD,),), none, body, none, none)
+    vars(wearing)["too_high"] = above
+    assert wearing.is_round_head is is_so
 
 
 def test_what_has_legs_and_a_neckline_is_no_trousers() -> None:

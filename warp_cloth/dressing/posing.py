@@ -93,6 +93,17 @@ class PosedBody:
             curves[limb] = resampled(smoothed(curve, 2), STATIONS)
         return curves if hanging else None
 
+    def at_shoulders(self, posed: Sequence[Points], others: Sequence[Points]) -> list[Points]:
+        """Curves with the arms as in ``posed``, but from the shoulders that are at home, and all else as ``others``."""
+        curves = list(others)
+        for arm in ARMS:
+            home, joint = self._skeleton.curves[arm], self._skeleton.joints[arm]
+            lengths = arc_lengths(home)
+            shoulder = round(float(lengths[joint] / lengths[-1]) * (STATIONS - 1))
+            moved = posed[arm] + self.home[arm][shoulder] - posed[arm][shoulder]
+            curves[arm] = np.vstack([self.home[arm][:shoulder], moved[shoulder:]])
+        return curves
+
     @staticmethod
     def between(first: Sequence[Points], last: Sequence[Points], fraction: float) -> list[Points]:
         """The curves between two sets of them, 0 and 1: directions and lengths of their segments in between."""

@@ -19,6 +19,7 @@ OUT = 0.12  # [m] that a limb reaches out of its opening at least, stretched if 
 INSIDE, ACROSS = 0.06, 0.03  # [m] from the trunk's middle, and an opening's, where a way may begin and end
 CLEAR = 0.12  # [m] between an arm out of its sleeve and other cloth, if it can be had by turning it up
 TURNS = np.radians(np.arange(0.0, 181.0, 10.0))
+UPRIGHT = np.radians(90.0)  # from the side, that an arm is turned up at most: beyond, it crosses its own strap
 SIDEWAYS = 0.3  # least sideways part of the direction in which an arm leaves its sleeve
 STRAIGHT = 0.5  # least cosine between down and the end of a way, at which a leg goes on along it
 DOWN = 0.93  # least cosine between down and a leg of who stands: 18 degrees with their toes ahead; 34 in who walks
@@ -156,7 +157,7 @@ def _turned_up(
     begin = float(np.arctan2(flat @ skeleton.up, flat @ outward))
     steps = np.arange(SPACING, length, SPACING)[:, None]
     best, score, turned = flat, (-np.inf, 0.0), 0.0
-    for turn in TURNS[begin + TURNS <= np.pi]:
+    for turn in TURNS[begin + TURNS <= UPRIGHT]:
         angle = begin + turn
         each = np.cos(angle) * outward + np.sin(angle) * skeleton.up
         along = (start + steps * each)[2:]

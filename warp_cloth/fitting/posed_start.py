@@ -63,6 +63,7 @@ PULL = 0.01  # [m] that these are pulled up in a burst; cloth that moves by more
 PULLS = 60  # at most
 NEAR = 0.003  # [m] from where they are pulled to
 BELOW_CROTCH = 0.03  # [m] that they stay under the body's crotch, where growing thighs would pinch them
+LOWERING_STEPS = 40  # in which a garment that starts above the shoulders comes down onto them
 GROWTH = 2.0  # exponent of the thickness over the steps: slow while limbs move
 GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
 HEAVY = 3000.0  # weight of cloth that falls, over that of sewn cloth: 10 kg/m2 stretches by less than 1 %
@@ -135,6 +136,8 @@ def _sewn_and_carried(
     dressing.sew()
     if dressing.wearing.is_trousers and not lifted:
         dressing.pull_on()
+    elif dressing.wearing.is_round_head and not lifted:
+        dressing.lower()
     else:
         _carry(dressing, lifted)
     dressing.come_home()
@@ -247,6 +250,23 @@ class _Dressing:
             self._relax(BURST)
         self.grow(STEPS, posed=0.0)
 
+    def lower(self) -> None:
+        """Lowers a garment over raised thin arms onto the shoulders; there the body grows, then the arms come down."""
+        low = self._body.at_shoulders(self._posed, self._last_pose)
+        for step in range(1, LOWERING_STEPS + 1):
+            left = LOWERING_STEPS - step
+            above = self.wearing.over_shoulders(self._points) * left / (left + 1)
+            self._follow(self._body.between(low, self._posed, left / LOWERING_STEPS), THIN)
+            down = self.wearing.over_shoulders(self._points) - above
+            self._move_up(-float(np.clip(down, 0.0, PULL)))
+            self._relax(BURST)
+        for step in range(1, GROWING_STEPS + 1):
+            self._follow(low, _thickness(step / GROWING_STEPS))
+        if self.in_the_way:
+            self.fall()
+        for left in reversed(range(steps := STEPS - GROWING_STEPS)):
+            self._follow(self._body.between(self._last_pose, low, left / steps), THICK)
+
     def fall(self) -> None:
         """Lets the garment hang, under a weight that makes it fall fast, until it is out of the arms' way and slow."""
         self._set_weight(HEAVY)
@@ -286,8 +306,12 @@ class _Dressing:
 
     def _take(self, posed: float, thickness: float) -> None:
         """Moves the body between home, 0, with some limbs away from it, and its pose, 1; ``thickness`` [m]."""
-        home = self._body.home if self._away is None else self._away
-        self._follow(self._body.between(home, self._posed, posed), thickness)
+        self._follow(self._body.between(self._last_pose, self._posed, posed), thickness)
+
+    @property
+    def _last_pose(self) -> list[Points]:
+        """The body at home, but for the limbs that come home last."""
+        return self._body.home if self._away is None else self._away
 
     def _follow(self, curves: Sequence[Points], thickness: float) -> None:
         """Moves the body there, and the cloth with it, but for what the trunk slides along itself; [m]."""
