@@ -34,7 +34,6 @@ LIMIT_ON_CLOTH = 30.0  # where cloth meets cloth there is no more of it, nor the
 # Long steps can feed cloth that leaves the avatar and touches it again: of 8 T-shirts that took longer, two never came
 # to rest (they swung by up to 0.7 mm), and all do with less. Other cloth needs them to balance to the last per cent.
 SWUNG, LIMIT_WHEN_SWUNG = 4000, 10.0
-LOOSE_ON_CLOTH = 0.05  # where cloth meets cloth forces have not balanced before
 TIGHTER = 4.0  # times ``loose``: what is loose stays so till then, and does not change to and fro
 
 
@@ -62,7 +61,6 @@ class Relaxation:
         if cloth_contact is not None:  # else folds that lie on cloth swing for ever
             self.step.buckling = 1.0
             self._anisotropy_limit = min(options.anisotropy_limit, LIMIT_ON_CLOTH)
-            self._loose = min(options.loose, LOOSE_ON_CLOTH)
         kernel_options = self._chosen_kernels(accelerated=options.method == "accelerated")
         self._kernel_options = kernel_options
         has_compliance = kernel_options.anisotropic and options.anisotropy_limit > 0.0
