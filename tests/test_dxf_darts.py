@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dxf_darted import BUST, EYE, MOUTH, TRUE_DARTED_SEAMS, darted
-from dxf_patterns import Drafted, Point, Style, write
+from dxf_patterns import Drafted, Point, Style, tshirt, write
 from test_pattern import area_of, topology
 
 from warp_cloth.pattern import DraftOptions, load_pattern, read_drafted
 from warp_cloth.pattern.draft import Stated
 from warp_cloth.pattern.drafted import Draft, drafted_pattern
 from warp_cloth.pattern.drawn_darts import Cut, with_darts
+from warp_cloth.pattern.dxf_drawn import INTERNAL, layer_number
 from warp_cloth.pattern.proposal import SEWN_FROM
 
 EDGE = 0.03  # [m]; coarse, for speed
@@ -162,3 +163,22 @@ def test_a_round_dart_keeps_its_legs() -> None:
     left = np.column_stack([0.4 - right[:, 0], right[:, 1]])[::-1]
     (dart,) = with_darts(SQUARE, [np.concatenate([right, left[1:]])]).inner
     assert dart.one[0].length == pytest.approx(dart.other[0].length)
+
+
+def test_a_dart_that_opens_at_the_fold_line_is_left_as_drawn(tmp_path: Path) -> None:
+    front, *others = tshirt()
+    folded = replace(front, inner=[[(0.0, 45.0), (10.0, 43.5), (0.0, 42.0)]])
+    draft = drafted(tmp_path, [folded, *others])
+    (left,) = [note for note in draft.notes if "dart opens at its fold line" in note]
+    assert left.startswith('piece "FRONT"')
+    whole = drafted(tmp_path, [front, *others])
+    assert [len(panel.edges) for panel in drafted_pattern(draft, None).panels] == [
+        len(panel.edges) for panel in drafted_pattern(whole, None).panels
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), [("Darts", INTERNAL), ("pinces poitrine", INTERNAL), ("Front dart bodice", None)]
+)
+def test_layers_of_darts_begin_with_the_word(name: str, number: int | None) -> None:
+    assert layer_number(name) == number

@@ -107,6 +107,20 @@ def test_a_band_is_sewn_over_the_seam_of_two_panels(swapped: bool) -> None:
     assert np.ptp(mesh.points, axis=0)[0] == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("width", [52.5, 70.0])
+def test_panels_side_by_side_are_gathered_and_no_layers(width: float) -> None:
+    def skirt(x: float) -> dict[str, Any]:
+        return panel([[0, 0], [width, 0], [width, 30], [0, 30]], translation=[x, -30, 0])
+
+    panels = {"band": panel([[0, 0], [70, 0], [70, 4], [0, 4]]), "left": skirt(35 - width), "right": skirt(35)}
+    stitches = [("band", 0, "left", 2), ("band", 0, "right", 2), ("left", 1, "right", 3)]
+    if width < 56:
+        assert set(sides_at(sewn(panels, stitches))) == {1, 2}
+        return
+    with pytest.raises(InputError, match="of 700 mm is sewn to 2 panels' edges of 700 and 700 mm"):
+        sewn(panels, stitches)
+
+
 def test_panels_that_are_neither_layers_nor_a_run_are_refused() -> None:
     panels = {"a": square(30), "b": square(10, translation=[30, 0, 0]), "c": square(60, translation=[30, 20, 0])}
     with pytest.raises(InputError, match="of 300 mm is sewn to 2 panels' edges of 100 and 600 mm"):

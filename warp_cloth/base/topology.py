@@ -33,7 +33,10 @@ class Topology:
 
     @cached_property
     def boundary_loops(self) -> tuple[Indices, ...]:
-        """Vertices along each closed line of edges with a single triangle, the longest loop first."""
+        """Vertices along each closed line of edges with a single triangle, the longest loop first.
+
+        With ``rims``, of those alone: what ends at a seam of layers is no rim.
+        """
         if self.rims is None:
             alone = np.bincount(self.triangle_edges.ravel(), minlength=len(self.edges)) == 1
             return self._loops([self.edges[alone]])

@@ -10,7 +10,7 @@ import numpy as np
 from warp_cloth.drape.outline import Floats, Outline
 from warp_cloth.drape.reading import Setting
 from warp_cloth.drape.simulated import SimulatedDrape, Trial, simulate, with_bending_lengths
-from warp_cloth.drape.table import BendingEstimate, Drapes, estimate
+from warp_cloth.drape.table import MOST_ERROR, BendingEstimate, Drapes, estimate
 from warp_cloth.material.fabric import Fabric
 
 ROUNDS = 3  # of simulation and correction
@@ -87,7 +87,10 @@ def refined(
         step, turn = found.length - trial.length, found.anisotropy - trial.anisotropy
         if index and max(abs(step), 0.5 * abs(turn)) < NEAR:
             break
-        trial = replace(found, length=trial.length + float(np.clip(step, -LONGEST_STEP, LONGEST_STEP)))
+        # no farther from what was simulated than a step, also in the end
+        near = trial.length + float(np.clip(step, -LONGEST_STEP, LONGEST_STEP))
+        error = float(np.hypot(found.length_error, found.length - near))
+        trial = found = replace(found, length=near, length_error=min(error, MOST_ERROR))
     return found, shown
 
 

@@ -1,4 +1,5 @@
-"""Inner edges that sewing would lay on other edges: cloth has at most two triangles at an edge.
+"""Inner edges that sewing would lay on other edges: cloth has at most two triangles at an edge, but for
+seams of layers.
 
 Where two panels each have an edge across the same corner, sewing both sides of the corner makes the edges one, with
 four triangles; a dart's cone does so with itself. Such edges are divided, or turned.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-TABLE = 65  # places of a curve between which its parameter is interpolated by cubics in the length
+TABLE = 65  # places of a curve between which its parameter is found from the length
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)  # exact to degree 15 within each of the table's spans
 
 

@@ -32,11 +32,12 @@ NAMED = (
     (FOLD, ("fold", "mirror", "bruch", "pliure", "doblez", "piega")),
     (CUT_OUT, ("cutout", "cut-out", "hole")),
     (DRILL, ("drill",)),
-    (INTERNAL, ("internal", "inner", "dart", "abnäher", "abnaeher", "pince", "pinza")),
+    (INTERNAL, ("internal", "inner")),
     (TURN, ("turn",)),
     (CURVE, ("curve",)),
     (CUT, ("boundary", "outline", "cut", "contour", "schnitt")),
 )
+DARTS = ("dart", "abnäher", "abnaeher", "pince", "pinza")  # where names begin so: others name a piece with darts
 LINEAR = ("LINE", "ARC", "CIRCLE", "ELLIPSE", "LWPOLYLINE", "POLYLINE", "SPLINE")
 FINE = 2e-5  # of a block's extent: how far the points of an arc or spline may be from it
 NAMELESS = 0  # lines of layers that have neither number nor known name
@@ -143,6 +144,8 @@ def layer_number(name: str) -> int | None:
         number = int(found[1])
         return LAYERS.get(number, number)
     lower = name.lower()
+    if lower.strip().startswith(DARTS):
+        return INTERNAL
     return next((number for number, words in NAMED if any(word in lower for word in words)), None)
 
 

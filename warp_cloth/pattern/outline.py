@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.pattern.curve import Curve, Floats
 from warp_cloth.pattern.lattice import GRADE
+from warp_cloth.pattern.loops import area_of
 from warp_cloth.pattern.sewing import Piece, Seam
 from warp_cloth.pattern.specification import Dart, Panel, Pattern, Side, short
 
@@ -103,7 +104,7 @@ def _hole(edges: Sequence[Curve], edge: float) -> tuple[Floats, Floats]:
         points.append(curve.at(np.arange(count) / count))
     polygon = np.concatenate(points)
     middle = polygon.mean(axis=0)
-    share = sum(curve.area for curve in edges) / max(_polygon_area(polygon), 1e-12)
+    share = sum(curve.area for curve in edges) / max(area_of(polygon), 1e-12)
     grown = float(np.clip(np.sqrt(max(share, 0.0)), *GROWN))  # so that it encloses the hole's area
     return middle + grown * (polygon - middle), np.full(len(polygon), spacing)
 
@@ -293,7 +294,7 @@ def _with_area(panel: Panel, drawn: Floats, opened: Floats, edges: Sequence[int]
     opening of a corner moved stay.
     """
     around = sum(edge.curve.area for edge in panel.edges)
-    if abs(_polygon_area(opened) - around) <= AREA_KEPT * abs(around):
+    if abs(area_of(opened) - around) <= AREA_KEPT * abs(around):
         return opened
     of = np.array(edges)
     moved = (drawn != opened).any(axis=1)
@@ -301,7 +302,7 @@ def _with_area(panel: Panel, drawn: Floats, opened: Floats, edges: Sequence[int]
     free = (free | np.isin(of, of[moved])) & ~moved & (of == np.roll(of, 1))
     points = opened.copy()
     for _ in range(2):  # the area is quadratic in the distance
-        excess = _polygon_area(points) - around
+        excess = area_of(points) - around
         excess = math.copysign(max(abs(excess) - AREA_KEPT * abs(around), 0.0), excess)
         along = 0.5 * (np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0))[free]
         length = np.hypot(*along.T)
@@ -310,12 +311,6 @@ def _with_area(panel: Panel, drawn: Floats, opened: Floats, edges: Sequence[int]
         outwards = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(length, 1e-300)[:, None]
         points[free] -= outwards * (excess / length.sum())
     return points
-
-
-def _polygon_area(points: Floats) -> float:
-    """Signed area of a polygon [m^2], vertices of shape [n, 2]."""
-    (x, y), (u, v) = points.T, np.roll(points, -1, axis=0).T
-    return 0.5 * float((x * v - y * u).sum())
 
 
 def _opened(panel: Panel, points: Floats, edges: Sequence[int]) -> tuple[Floats, list[str]]:

@@ -117,6 +117,10 @@ def _piece(
     inner = tuple(line @ grain.T for layer in (INTERNAL, FOLD) for line in lines.get(layer, []))
     mirror: tuple[int, ...] | None
     fold = _fold_of(edges, [line @ grain.T for line in lines.get(FOLD, [])] or _told_folds(drawn, edges))
+    if fold is not None and cut.removed and not _follow(fold[2]):
+        plain = _piece(file, drawn, loop, copies, sample, there, metres, darted=False)
+        left = f'piece "{short(name)}": a dart opens at its fold line, so its darts are left as they are drawn'
+        return replace(plain, notes=(*plain.notes, left))
     if fold is not None:
         start, along, flat = fold
         matrix = 2.0 * np.outer(along, along) - np.eye(2)
@@ -204,6 +208,11 @@ def _fold_of(edges: Sequence[Chain], folds: Sequence[Floats]) -> tuple[Floats, F
         if any(flat) and not all(flat):
             return start, along, flat
     return None
+
+
+def _follow(flat: Sequence[bool]) -> bool:
+    """Whether the edges that lie on a fold follow each other."""
+    return sum(flat[k - 1] and not flat[k] for k in range(len(flat))) == 1
 
 
 def _told_folds(drawn: Drawn, edges: Sequence[Chain]) -> list[Floats]:

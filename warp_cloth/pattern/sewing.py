@@ -19,6 +19,7 @@ CONTRARY = 1.1  # a stitch that runs along the loops shows that some loops run c
 # no sides stated, 2,255 of the 2,271 were right (2,002 with DECISIVE alone).
 LIKELY = 1.01
 SAME_STOP = 1e-9  # of an edge's length, within which two layers are cut at one place
+APART = 0.25  # of an edge, between the middles of what is sewn to it: they lie side by side, and are no layers
 UNEQUAL = 1.6  # times: an edge and what it is sewn to, over several panels; more is gathered on one panel alone
 
 
@@ -120,13 +121,15 @@ def _one_to_many(
     whole = _length(pattern, [side])
     lengths = np.array([_length(pattern, run) for run in runs])
     after, beside = abs(float(np.log(lengths.sum() / whole))), float(np.abs(np.log(lengths / whole)).max())
-    if min(after, beside) > np.log(UNEQUAL):
+    places = _along(pattern, side, runs)
+    are_layers = beside < after and float(np.ptp(places)) < APART
+    if (beside if are_layers else after) > np.log(UNEQUAL):
         listed = " and ".join(f"{1e3 * length:.0f}" for length in lengths[:4])
         problem = (
             f"{pattern.edge_name(side)} of {1e3 * whole:.0f} mm is sewn to {len(runs)} panels' edges of {listed} mm"
         )
         pattern.refuse(place, problem, "they are to be as long as it together, or each of them as a layer")
-    if beside < after:
+    if are_layers:
         if len({run[0].panel for run in runs}) < len(runs):
             problem = (
                 f"{pattern.edge_name(side)} is sewn to {len(other)} edges that do not follow each other in one panel"
@@ -136,7 +139,7 @@ def _one_to_many(
     if any(run_side.panel == side.panel for run in runs for run_side in run):
         pattern.refuse(place, f"{pattern.edge_name(side)} is sewn to edges of its own panel and of others",
                        "divide the edge where they meet")  # fmt: skip
-    order = _along(pattern, side, runs)
+    order = sorted(range(len(runs)), key=lambda k: (places[k], k))
     cuts = np.concatenate([[0.0], np.cumsum(lengths[order]) / lengths.sum()])
     cuts[-1] = 1.0
     return [
@@ -164,16 +167,17 @@ def _length(pattern: Pattern, run: Sequence[Side]) -> float:
     return sum(pattern.panels[side.panel].edges[side.edge].curve.length for side in run)
 
 
-def _along(pattern: Pattern, side: Side, runs: Sequence[tuple[Side, ...]]) -> list[int]:
-    """Runs in the order in which their middles lie along an edge, as placed."""
+def _along(pattern: Pattern, side: Side, runs: Sequence[tuple[Side, ...]]) -> list[float]:
+    """Where along an edge, from 0 to 1, the middles of runs lie nearest, as placed."""
     panel = pattern.panels[side.panel]
-    spots = panel.placed(panel.edges[side.edge].curve.at(np.linspace(0.0, 1.0, 33)))
+    share = np.linspace(0.0, 1.0, 33)
+    spots = panel.placed(panel.edges[side.edge].curve.at(share))
     at = []
     for run in runs:
         own = pattern.panels[run[0].panel]
         middle = np.mean([own.placed(own.edges[each.edge].curve.at(np.array([0.5]))) for each in run], axis=0)
-        at.append(int(np.linalg.norm(spots - middle, axis=1).argmin()))
-    return sorted(range(len(runs)), key=lambda k: (at[k], k))
+        at.append(float(share[np.linalg.norm(spots - middle, axis=1).argmin()]))
+    return at
 
 
 def _directions(pattern: Pattern, joints: Sequence[_Joint]) -> list[bool]:
