@@ -241,7 +241,7 @@ class Wearing:
         if is_wrong or float(np.linalg.norm(self.across)) > FAR_TRUNK * skeleton.span:
             shift = shift + self.across
         shift = shift + self._onto_neck(points + shift)
-        if above := height_over_shoulders(self.limbs, points + shift, self.triangles, skeleton):
+        if above := self.over_shoulders(points + shift):
             is_round_head = above > NECK and self._pierced_by_head(points + shift)
             is_under = above < 0.0 and any(HEAD in each.wanted for each in self.misplaced_at_start)
             is_far = is_round_head or is_under or abs(above) > FAR_SHOULDERS

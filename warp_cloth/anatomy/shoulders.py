@@ -41,7 +41,7 @@ class Cover:
 class Shoulders:
     """The shoulders that a garment lay over as it started."""
 
-    sides: dict[int, _Side]  # of each arm with an opening of its own, beside one for the head
+    sides: dict[int, _Side]  # of each arm with an opening of its own, where the head has one, too
     begun: dict[int, Cover]  # the garment where it started
     skin: dict[int, float]  # how high their tops are
 

@@ -10,7 +10,7 @@ import numpy as np
 from warp_cloth.drape.outline import Floats, Outline
 from warp_cloth.drape.reading import Setting
 from warp_cloth.drape.simulated import SimulatedDrape, Trial, simulate, with_bending_lengths
-from warp_cloth.drape.table import MOST_ERROR, BendingEstimate, Drapes, estimate
+from warp_cloth.drape.table import MOST_ERROR, BendingEstimate, Drapes, estimate, variance_of_one
 from warp_cloth.material.fabric import Fabric
 
 ROUNDS = 3  # of simulation and correction
@@ -18,7 +18,7 @@ FIRST, LATER = 2, 5  # fewest discs in the first round, and in a later one; each
 NEAR = 0.05  # of ln(bending length); discs simulated nearer than this to what they tell all count
 LONGEST_STEP = 0.3  # of ln(bending length) in one round
 SIMULATED = 4  # photographs at most in whose folds discs start
-KNOWN_SPREAD = 6.0  # discs that the table's spread counts for, beside those that are simulated
+KNOWN_SPREAD = 6.0  # discs that the table's spread counts for, added to those that are simulated
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +112,9 @@ def _told(rounds: Sequence[_Round], measured: Measured, drapes: Drapes, rest_err
     near = [each for each in rounds if abs(each.tried.length - last) < NEAR] or [rounds[-1]]
     length = float(np.concatenate([lengths(each) for each in near]).mean())
     discs = sum(len(each.coefficients) for each in near)
-    # one drape of the fabric beside its mean, and the mean of those simulated
+    # of the measured drapes about the fabric's mean, and of the mean of those simulated
     spread = _pooled(drapes.spread_at(length), [each.coefficients for each in near])
-    single = spread**2 + float(np.mean(measured.errors**2))
-    if count > 1:  # what the drapes themselves show, where it is more
-        single = max(single, float(np.var(measured.coefficients, ddof=1)))
+    single = variance_of_one(spread, measured.coefficients, measured.errors)
     error = float(np.hypot(np.sqrt(single / count + spread**2 / discs) / drapes.slope(length), rest_error))
     if measured.elongations is None:
         return BendingEstimate(length, error, rounds[0].tried.anisotropy, rounds[0].tried.anisotropy_error)

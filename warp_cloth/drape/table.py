@@ -136,9 +136,7 @@ def estimate(
         raise InputError(place, problem, "use a smaller disc for limp cloth, a larger one for stiff cloth")
     length = float(np.interp(mean, drapes.coefficient, drapes.length))
     count = len(coefficients)
-    single = drapes.spread_at(length) ** 2 + float(np.mean(errors**2))
-    if count > 1:  # what the drapes themselves show, where it is more
-        single = max(single, float(np.var(coefficients, ddof=1)))
+    single = variance_of_one(drapes.spread_at(length), coefficients, errors)
     length_error = float(np.hypot(np.sqrt(single / count) / drapes.slope(length), rest_error))
     length_error = min(length_error, MOST_ERROR)
     anisotropy, anisotropy_error = 0.0, USUAL_ANISOTROPY
@@ -146,6 +144,15 @@ def estimate(
         spread = drapes.elongation_spread_at(length) / count**0.5
         anisotropy, anisotropy_error = drapes.uneven(length, float(np.mean(elongations)), spread)
     return BendingEstimate(length, length_error, anisotropy, anisotropy_error)
+
+
+def variance_of_one(spread: float, coefficients: Floats, errors: Floats) -> float:
+    """Variance of one drape's coefficient [points^2], of a fabric whose discs spread so.
+
+    Of the disc and its reading; or what several drapes themselves show, where it is more.
+    """
+    single = spread**2 + float(np.mean(errors**2))
+    return max(single, float(np.var(coefficients, ddof=1))) if len(coefficients) > 1 else single
 
 
 def spread_again(coefficient: float) -> float:

@@ -88,6 +88,7 @@ def _measure(problem: Problem, runs: Sequence[Run]) -> list[Measurements]:
             crossings=runs[item].crossings,
             contact=problem.contact_report(item),
             misplaced=runs[item].placement.misplaced,
+            off_shoulders=runs[item].placement.off_shoulders,
             levels=runs[item].levels,
             choices=problem.choices(item),
         )

@@ -106,8 +106,9 @@ def measured_shape(outfit: Outfit, points: Points, device: str, contact: dict[st
     surface = None if avatar is None else solid_of(avatar).closing.surface(avatar)
     (overlap,) = avatar_overlaps([outfit], [points], [strains], exact_colliders([surface], device))
     (crossings,) = worn_crossings([outfit], [points], device)
-    misplaced = LimbPlacement.of(outfit, points).misplaced
-    return Measurements(strain_summary(strains), {}, strains, overlap, crossings, contact, misplaced)
+    placement = LimbPlacement.of(outfit, points)
+    limbs = placement.misplaced, placement.off_shoulders
+    return Measurements(strain_summary(strains), {}, strains, overlap, crossings, contact, *limbs)
 
 
 def _points_of(shape: Any, scene: Scene, meshes: Sequence[Mesh]) -> Points:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from warp_cloth.anatomy.linking import Misplaced
+from warp_cloth.anatomy.openings import Limbs
 from warp_cloth.base.mesh import Points
 from warp_cloth.garment.outfit import Outfit
 
@@ -16,21 +17,28 @@ class LimbPlacement:
     misplaced: tuple[tuple[Misplaced, ...], ...] = ()  # openings of each garment that the wrong limbs pass through
     pierced: bool = False  # whether cloth runs through the middle of a limb
     sunk: bool = False  # whether a garment has slid down from the waist
-    slipped: bool = False  # whether a garment has slipped off a shoulder
+    off_shoulders: tuple[Limbs, ...] = ()  # arms whose shoulder each garment has slipped off
+
+    @property
+    def slipped(self) -> bool:
+        """Whether a garment has slipped off a shoulder."""
+        return any(self.off_shoulders)
 
     @classmethod
     def of(cls, outfit: Outfit, points: Points) -> LimbPlacement:
         """With the garments at these points [m], all finite, shape [V, 3]; garments without openings have none."""
         misplaced: list[tuple[Misplaced, ...]] = []
-        pierced, sunk, slipped, first = False, False, False, 0
+        off_shoulders: list[Limbs] = []
+        pierced, sunk, first = False, False, 0
         for garment, wearing in zip(outfit.garments, outfit.wearing, strict=True):
             own = points[first : first + len(garment.points)]
             first += len(garment.points)
             if wearing is None:
                 misplaced.append(())
+                off_shoulders.append(())
                 continue
             misplaced.append(tuple(wearing.misplaced(own)))
             pierced = pierced or bool(wearing.pierced(own))
             sunk = sunk or wearing.sunk(own)
-            slipped = slipped or bool(wearing.off_shoulders(own))
-        return cls(tuple(misplaced), pierced, sunk, slipped)
+            off_shoulders.append(wearing.off_shoulders(own))
+        return cls(tuple(misplaced), pierced, sunk, tuple(off_shoulders))

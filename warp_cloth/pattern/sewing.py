@@ -120,10 +120,10 @@ def _one_to_many(
         return [_Joint(side, runs[0], tuple(other[partner] for partner in runs[0]))]
     whole = _length(pattern, [side])
     lengths = np.array([_length(pattern, run) for run in runs])
-    after, beside = abs(float(np.log(lengths.sum() / whole))), float(np.abs(np.log(lengths / whole)).max())
+    in_turn, as_layers = abs(float(np.log(lengths.sum() / whole))), float(np.abs(np.log(lengths / whole)).max())
     places = _along(pattern, side, runs)
-    are_layers = beside < after and float(np.ptp(places)) < APART
-    if (beside if are_layers else after) > np.log(UNEQUAL):
+    are_layers = as_layers < in_turn and float(np.ptp(places)) < APART
+    if (as_layers if are_layers else in_turn) > np.log(UNEQUAL):
         listed = " and ".join(f"{1e3 * length:.0f}" for length in lengths[:4])
         problem = (
             f"{pattern.edge_name(side)} of {1e3 * whole:.0f} mm is sewn to {len(runs)} panels' edges of {listed} mm"

@@ -13,6 +13,7 @@ from warp_cloth.model.result import LevelRun, Strain
 
 if TYPE_CHECKING:
     from warp_cloth.anatomy.linking import Misplaced
+    from warp_cloth.anatomy.openings import Limbs
     from warp_cloth.avatar.penetration import Overlap
     from warp_cloth.contact.garments import GarmentCrossings
 
@@ -28,5 +29,6 @@ class Measurements:
     crossings: GarmentCrossings
     contact: dict[str, Any] | None  # the collider and its error; None: no avatar
     misplaced: Sequence[Sequence[Misplaced]] = ()  # openings of each garment that the wrong limbs pass through
+    off_shoulders: Sequence[Limbs] = ()  # arms whose shoulder each garment has slipped off
     levels: Sequence[LevelRun] = ()  # relaxations that came before
     choices: Sequence[Choice] = ()  # what the program chose where the scene says "auto"

@@ -135,8 +135,8 @@ def slid_down(judged: Judged) -> FitProblem | None:
 
 def off_shoulders(judged: Judged) -> FitProblem | None:
     """A garment that started over the shoulders, and hangs on the arms now."""
-    wearing = judged.of.outfit.wearing[judged.index]
-    arms = () if wearing is None or judged.of.body is None else wearing.off_shoulders(judged.points)
+    wearing, found = judged.of.outfit.wearing[judged.index], judged.of.measured.off_shoulders
+    arms = found[judged.index] if found and judged.of.body is not None else ()
     if wearing is None or not arms:
         return None
     sides = " and ".join(LIMBS[arm].split()[0] for arm in arms)
