@@ -248,7 +248,7 @@ def fit_loaded(
     course = tried_further(first, begin, relax, cache=cache, clock=clock)
     problem = course.best.problem
     report_progress(Progress("measure"))
-    (result,) = finish_fits(problem, [course], clock=clock, frames=frames, dressings=watched or ())
+    (result,) = finish_fits([course], clock=clock, frames=frames, dressings=watched or ())
     result = with_maps(result, map_names, problem) if map_names else result
     clock.lap("measure")
     if band:
