@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import openings_of
@@ -26,11 +26,12 @@ from warp_cloth.garment.reading import cloths_of, read_again, read_body_again, s
 from warp_cloth.garment.rest import RestGeometry, RestOptions, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
 from warp_cloth.loading import Placement, check_sizes, load_mesh_once, load_poses, without_area
-from warp_cloth.pattern import figure_of, load_pattern
-from warp_cloth.pattern.figure import Figure
 from warp_cloth.scene import AvatarSpec, BodyMeasures, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.scene.predrape import predrape_scene_of
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
+
+if TYPE_CHECKING:
+    from warp_cloth.pattern.figure import Figure
 
 FABRIC_KEYS = {"fabric", "pin", "name"}  # keys of a garment that its rest geometry does not depend on
 # keys of a garment or an avatar that its mesh depends on
@@ -369,6 +370,8 @@ def _garment_mesh(
         if isinstance(body, BodyMeasures):
             body = measured_mannequin(body, drafts)[0]
         if spec.pattern is not None:
+            from warp_cloth.pattern import load_pattern
+
             figure = None if laid_round is None else _figure(laid_round, drafts)
             mesh = load_pattern(spec.pattern, edge=spec.edge, options=spec.draft_options, figure=figure)
         else:
@@ -393,6 +396,8 @@ def _garment_mesh(
 
 def _figure(avatar: AvatarSpec, drafts: Cache) -> Figure:
     """The parts of an avatar that panels are laid round, found once."""
+    from warp_cloth.pattern import figure_of
+
     parameters = _values(avatar, MESH_KEYS), _file_stamp(avatar.mesh)
     return drafts.get_or_make("figure", (), lambda: figure_of(_avatar_mesh(avatar, drafts)), *parameters)
 
