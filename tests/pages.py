@@ -27,7 +27,7 @@ _LINK = re.compile(r"\]\(([^()\s]+)\)")
 _HEADING = re.compile(r"^#+ +(.*?) *$", re.MULTILINE)
 
 # tests/README.md lists them
-MARKS = frozenset({"long", "needs", "files", "file", "in", "serves", "form", "fragment", "ends"})
+MARKS = frozenset({"long", "needs", "files", "file", "in", "serves", "form", "fragment", "ends", "as"})
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from warp_cloth.model.attempt import Attempt, Ended
 from warp_cloth.scene import Scene, load_scene
 
 fit_module = import_module("warp_cloth.fitting.fit")  # the package has a function of that name
-DRAPED = ["garment.shape.vertices_per_side=17"]
+DRAPED = ["garment.shape.vertices_per_side=17", "collision.pixel_mm=10"]
 
 
 @pytest.fixture(scope="module")

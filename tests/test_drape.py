@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 from warp_cloth.base.errors import InputError
 from warp_cloth.bench.trials import drape_disc
 from warp_cloth.cli.main import app
+from warp_cloth.drape import refine
 from warp_cloth.drape.outline import ANGLES, Outline, outline_of_drape, outline_of_points
 from warp_cloth.drape.reading import Setting, read_drape
 from warp_cloth.drape.refine import starts_of
@@ -220,7 +222,8 @@ def test_of_many_drapes_low_ones_and_high_ones_are_simulated() -> None:
     assert list(starts_of(outlines[:2], SETTING.ratio)) == [0, 1]
 
 
-def test_the_command_makes_a_fabric_that_loads(tmp_path: Path) -> None:
+def test_the_command_makes_a_fabric_that_loads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(refine, "simulate", partial(simulate, rings=8))
     out = tmp_path / "made.toml"
     options = ["--weight-gsm", "160", "--base", "wool", "--out", str(out)]
     result = CliRunner().invoke(

@@ -12,7 +12,12 @@ from warp_cloth.batch.jobs import read_jobs
 from warp_cloth.batch.sizes import fit_sizes
 from warp_cloth.scene import load_scene
 
-SCENE = '[garment]\npattern = "shirt.dxf"\nedge_mm = 40\n[avatar.shape]\nkind = "mannequin"\n[solver]\niterations = 5\n'
+SCENE = """
+garment = {pattern = "shirt.dxf", edge_mm = 40}
+avatar.shape.kind = "mannequin"
+collision.pixel_mm = 10
+solver.iterations = 5
+"""
 
 
 @pytest.fixture(scope="module")

@@ -124,11 +124,21 @@ def skip_without(needs: tuple[str, ...]) -> None:
             pytest.skip(f"needs the package {need}")
 
 
+def without_out(text: str) -> str:
+    return re.sub(r" --out \S+", "", text)
+
+
 @pytest.mark.parametrize("block", by_language("sh"))
 def test_every_command_runs_as_written(block: Block, folders: dict[Path, Path]) -> None:
     for words in commands(block.text):
         check_form(words, values="form" in block.marks)
     if "form" in block.marks:
+        return
+    if "as" in block.marks:
+        (page,) = block.marks["as"]
+        run_there = [other.text for other in blocks(ROOT / page) if not {"as", "form"} & set(other.marks)]
+        done = list(commands("\n".join(without_out(text) for text in run_there)))
+        assert [words for words in commands(without_out(block.text)) if words not in done] == []
         return
     skip_without(block.marks.get("needs", ()))
     folder = folder_of(block, folders)

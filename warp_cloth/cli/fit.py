@@ -44,9 +44,7 @@ def fit(
         Path, typer.Option(help="Output folder, for NAME.usdc, report.html, report.json and preview.png.")
     ] = Path("out"),
     changes: Changes = None,
-    frames: Annotated[
-        int, typer.Option(help="Number of intermediate shapes to store as time samples of the stage.")
-    ] = 0,
+    frames: Annotated[int, typer.Option(help="Intermediate shapes to store as time samples of the stage.")] = 0,
     maps: Maps = "",
     colour: Annotated[str, typer.Option(help="The map that colours the garments in the stage.")] = "",
     formats: Annotated[
@@ -86,14 +84,14 @@ def fit(
         check_frames(suffixes, frames=frames > 0, remedy="add --frames 48")
         map_names = chosen_maps(maps, place="--maps")
         colour_map = chosen_colour(colour, place="--colour")
+        map_names = (*map_names, colour_map)
         chosen = load_scene(scene, changes or (), on=on, fabric=fabric)
         check_inputs_kept(chosen, out, suffixes)
         clock.lap("load")
         with output_folder(out, chosen.name), _display() as display:
             start_warp(verbose)
             clock.lap("warp")
-            wanted = {"device": device, "frames": frames, "maps": (*map_names, colour_map), "start": start}
-            wanted["band"] = band
+            wanted = {"device": device, "frames": frames, "maps": map_names, "start": start, "band": band}
             worn = _fitted(chosen, wanted, clock, display)
             display.begin("export")
             paths = worn.save(out, colour=colour_map, formats=suffixes)

@@ -14,12 +14,8 @@ import numpy as np
 from warp_cloth.anatomy.linking import curve_crossings
 from warp_cloth.anatomy.openings import ARMS, LEGS
 from warp_cloth.anatomy.skeleton import TRUNK
-from warp_cloth.avatar.collider import Collider
 from warp_cloth.avatar.contact import followed
-from warp_cloth.avatar.depth import DEFAULT_REACH
 from warp_cloth.avatar.exact import build_exact_collider
-from warp_cloth.avatar.field import FieldBuild, build_contact_field
-from warp_cloth.avatar.layers import build_layered_buffers
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Indices, Points
@@ -27,9 +23,9 @@ from warp_cloth.dressing.panels import parted
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
 from warp_cloth.fitting.film import DressedShape, Dressing
+from warp_cloth.fitting.moving_body import BodyCollider
 from warp_cloth.fitting.problem import Problem, build_problem
 from warp_cloth.garment.outfit import Outfit, garments_in
-from warp_cloth.kernels.avatar.field import ContactField, field_contact
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.attempt import Attempt, Patience
 from warp_cloth.model.result import LevelRun, Status
@@ -70,10 +66,8 @@ HEAVY = 3000.0  # weight of cloth that falls, over that of sewn cloth: 10 kg/m2 
 FALLING = 3000  # iterations at most
 SLOW = 0.01  # [m] in CHECK iterations
 SLEEVE = 0.3  # [m] from an arm's opening; cloth farther off that the arm meets is no sleeve
-PIXEL = 0.006  # [m] of the body's layers; with 4 mm a start takes twice as long
 OFFSET = 0.003  # [m] of the innermost garment
 LAYER = 0.006  # [m] that each further garment is farther out
-MARGIN = 0.06  # [m] around the garment, within which the body is drawn
 CACHE_NAME = "posed"
 
 
@@ -196,7 +190,7 @@ class _Dressing:
         clock.lap("dress")
         self._problem = build_problem([attempt], [sewn], device, clock=clock)
         clock.begin("dress")
-        self._collider = _BodyCollider(avatar.triangles, device, offset)
+        self._collider = BodyCollider(avatar.triangles, device, offset)
         self._meet_body()
         self._iterations = 0
         self._shapes: list[DressedShape] | None = [] if watching else None  # on the way; None: nobody watches
@@ -381,20 +375,3 @@ def _sewing_scene(scene: Scene, offset: float) -> Scene:
             "solver": solver,
         }
     )
-
-
-class _BodyCollider:
-    """Colliders of a body that moves, drawn in layers since limbs lie before each other; the last one is kept."""
-
-    def __init__(self, triangles: Indices, device: str, offset: float) -> None:
-        self._triangles, self._device, self._offset = triangles, device, offset
-        self._built: list[FieldBuild] = []
-
-    def of(self, surface: Points, cloth: Points) -> Collider:
-        """The collider of a body with these vertices, near cloth at these points [m]."""
-        lower = np.maximum(cloth.min(axis=0), surface.min(axis=0)) - MARGIN
-        upper = np.minimum(cloth.max(axis=0), surface.max(axis=0)) + MARGIN
-        buffers = build_layered_buffers(surface, self._triangles, lower, upper, PIXEL, self._device)
-        field = build_contact_field(buffers, reach=DEFAULT_REACH)
-        self._built = [*self._built[-1:], field]  # the one before is in use until the new one is set
-        return Collider(field_contact, field.limited_to(self._offset, 0.0), ContactField)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import openings_of
@@ -18,27 +15,25 @@ from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.garment.garment import Garment
-from warp_cloth.garment.grain import Grain
-from warp_cloth.garment.measured_body import measured_mannequin
+from warp_cloth.garment.making import (
+    MESH_KEYS,
+    avatar_mesh,
+    file_stamp,
+    garment_mesh,
+    posed_avatar,
+    rest_and_pins,
+    rest_geometry,
+    values_of,
+)
 from warp_cloth.garment.mistaken import refuse_bodies
-from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.reading import cloths_of, read_again, read_body_again, stand_up, with_doubts
-from warp_cloth.garment.rest import RestGeometry, RestOptions, RestShape, build_rest_geometry, rest_in_fabric
-from warp_cloth.garment.rest_choice import choose_rest
-from warp_cloth.loading import Placement, check_sizes, load_mesh_once, load_poses, without_area
-from warp_cloth.scene import AvatarSpec, BodyMeasures, GarmentSpec, MannequinShape, Scene, TshirtShape
+from warp_cloth.garment.rest import RestGeometry, RestShape
+from warp_cloth.loading import check_sizes
+from warp_cloth.scene import AvatarSpec, BodyMeasures, GarmentSpec, MannequinShape, Scene
 from warp_cloth.scene.predrape import predrape_scene_of
-from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
-
-if TYPE_CHECKING:
-    from warp_cloth.pattern.figure import Figure
+from warp_cloth.shapes import MannequinMeasures, mannequin_measures
 
 FABRIC_KEYS = {"fabric", "pin", "name"}  # keys of a garment that its rest geometry does not depend on
-# keys of a garment or an avatar that its mesh depends on
-MESH_KEYS = {
-    *("mesh", "pattern", "edge_mm", "shape", "measures", "prim", "units", "up", "translate", "rotate", "scale"),
-    *("rest", "uv_units", "size", "seam_allowance_mm", "seam", "piece"),
-}
 
 T = TypeVar("T")
 Key = tuple[str, ...]
@@ -145,8 +140,8 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     poses: tuple[Points, ...] = ()
     if avatar is not None and scene.avatar is not None and scene.avatar.poses:
         files = () if scene.avatar.poses == "samples" else scene.avatar.poses
-        key = "posed", *avatar_recipe(scene)[0].key, _values(scene.avatar, {"poses"}), _file_stamp(*files)
-        avatar, poses = cache.get(key, partial(_posed, scene.avatar, avatar))
+        key = "posed", *avatar_recipe(scene)[0].key, values_of(scene.avatar, {"poses"}), file_stamp(*files)
+        avatar, poses = cache.get(key, partial(posed_avatar, scene.avatar, avatar))
     predraped = () if predrape_scene is None else _garments(predrape_scene, worn, cache)
     still = avatar if not poses and scene.collision.avatar != "none" else None
     wearing = _wearing(scene, garments, still, cache)
@@ -178,7 +173,7 @@ def garments_in(scene: Scene, meshes: Sequence[Mesh]) -> tuple[Garment, ...]:
     """A scene's garments from meshes that are loaded already."""
     garments = []
     for spec, key, mesh in zip(scene.garments, scene.garment_keys, meshes, strict=True):
-        rest, pins = _rest(mesh, _geometry(mesh, spec, key), spec, key)
+        rest, pins = rest_and_pins(mesh, rest_geometry(mesh, spec, key), spec, key)
         garments.append(Garment(mesh.points, mesh.triangles, rest, pins))
     return tuple(garments)
 
@@ -226,7 +221,7 @@ def mesh_recipes(scene: Scene) -> list[Recipe]:
     """Recipes of the meshes of a scene's garments, inner to outer, then of its avatar, if it has one."""
     body = _body(scene)
     recipes = [
-        Recipe(garment_keys(scene, index).mesh, partial(_garment_mesh, spec, key, body, _laid_round(scene, spec)))
+        Recipe(garment_keys(scene, index).mesh, partial(garment_mesh, spec, key, body, _laid_round(scene, spec)))
         for index, (spec, key) in enumerate(zip(scene.garments, scene.garment_keys, strict=True))
     ]
     return [*recipes, *avatar_recipe(scene)]
@@ -236,9 +231,9 @@ def avatar_recipe(scene: Scene) -> list[Recipe]:
     """The recipe of a scene's avatar mesh; empty without an avatar."""
     if scene.avatar is None:
         return []
-    stamp = _file_stamp(scene.avatar.mesh)
-    key = "avatar", _directory(scene), generated_body(scene), _values(scene.avatar, MESH_KEYS), stamp
-    return [Recipe(key, partial(_avatar_mesh, scene.avatar))]
+    stamp = file_stamp(scene.avatar.mesh)
+    key = "avatar", _directory(scene), generated_body(scene), values_of(scene.avatar, MESH_KEYS), stamp
+    return [Recipe(key, partial(avatar_mesh, scene.avatar))]
 
 
 def _laid_round(scene: Scene, spec: GarmentSpec) -> AvatarSpec | None:
@@ -252,11 +247,11 @@ def garment_keys(scene: Scene, index: int) -> GarmentKeys:
     common: Key = (_directory(scene), key, str(_body(scene)))
     if _laid_round(scene, spec) is not None:
         common = *common, *avatar_recipe(scene)[0].key[1:]
-    stamp = _file_stamp(spec.file, spec.grade_table, spec.grain_texture)
+    stamp = file_stamp(spec.file, spec.grade_table, spec.grain_texture)
     return GarmentKeys(
-        ("mesh", *common, _values(spec, MESH_KEYS), stamp),
-        ("geometry", *common, _values(spec, set(GarmentSpec.model_fields) - FABRIC_KEYS), stamp),
-        ("rest", *common, _values(spec, None), stamp),
+        ("mesh", *common, values_of(spec, MESH_KEYS), stamp),
+        ("geometry", *common, values_of(spec, set(GarmentSpec.model_fields) - FABRIC_KEYS), stamp),
+        ("rest", *common, values_of(spec, None), stamp),
     )
 
 
@@ -281,14 +276,14 @@ def geometry_of(scene: Scene, index: int, mesh_cache: MeshCache) -> tuple[Mesh, 
 def _rest_of(scene: Scene, index: int, keys: GarmentKeys, mesh_cache: MeshCache) -> tuple[RestShape, Indices]:
     mesh, geometry = _geometry_of(scene, index, keys, mesh_cache)
     spec, key = scene.garments[index], scene.garment_keys[index]
-    return mesh_cache.get(keys.rest, partial(_rest, mesh, geometry, spec, key))
+    return mesh_cache.get(keys.rest, partial(rest_and_pins, mesh, geometry, spec, key))
 
 
 def _geometry_of(scene: Scene, index: int, keys: GarmentKeys, mesh_cache: MeshCache) -> tuple[Mesh, RestGeometry]:
     spec, key = scene.garments[index], scene.garment_keys[index]
-    make = partial(_garment_mesh, spec, key, _body(scene), _laid_round(scene, spec), mesh_cache.drafts)
+    make = partial(garment_mesh, spec, key, _body(scene), _laid_round(scene, spec), mesh_cache.drafts)
     mesh = mesh_cache.get(keys.mesh, make)
-    return mesh, mesh_cache.get(keys.geometry, partial(_geometry, mesh, spec, key))
+    return mesh, mesh_cache.get(keys.geometry, partial(rest_geometry, mesh, spec, key))
 
 
 def _directory(scene: Scene) -> str:
@@ -306,105 +301,3 @@ def _body(scene: Scene) -> MannequinMeasures | BodyMeasures | None:
 def generated_body(scene: Scene) -> str:
     """A key of the mannequin that a scene's generated meshes are made for; empty without one."""
     return str(_body(scene) or "")
-
-
-def _file_stamp(*paths: Path | None) -> str:
-    """Size and time of source files, which may change during the life of a cache."""
-    stamps = []
-    for path in paths:
-        with contextlib.suppress(OSError, ValueError):  # a missing file is reported when it is read
-            status = os.stat(path) if path is not None else None
-            stamps.append(f"{status.st_size} {status.st_mtime_ns}" if status is not None else "")
-    return " ".join(stamps)
-
-
-def _posed(spec: AvatarSpec, avatar: Mesh) -> tuple[Mesh, tuple[Points, ...]]:
-    """A loaded avatar in its last pose, and its vertices in every pose, the loaded one first [m]."""
-    if spec.mesh is None:
-        return avatar, ()
-    later = load_poses(avatar, spec.mesh, spec.poses, prim=spec.prim, units=spec.units, up=spec.up)
-    return replace(avatar, points=later[-1]), (avatar.points, *later)
-
-
-def _values(spec: GarmentSpec | AvatarSpec, keys: set[str] | None) -> str:
-    """The values of these keys of a scene table (None: all but its name), as JSON."""
-    return spec.model_dump_json(include=keys, exclude={"name"})
-
-
-def _geometry(mesh: Mesh, spec: GarmentSpec, key: str) -> RestGeometry:
-    place = key if spec.file is None else str(spec.file)
-    grain = Grain(spec.grain_degrees, spec.grain_panels, spec.grain_texture)
-    cut = spec.rest == "auto" and isinstance(spec.shape, TshirtShape)  # from panels, however it is placed
-    options = RestOptions(
-        rest="uv" if cut or spec.pattern is not None else spec.rest,
-        metres_per_uv=spec.uv_metres if spec.mesh is not None else spec.uv_metres or 1.0,  # others are in metres
-        grain=grain,
-        rest_angles=spec.rest_angles,
-        is_pattern=spec.pattern is not None,
-        scale=spec.scale,
-    )
-    geometry = build_rest_geometry(mesh, options, place=place, key=key)
-    if not cut:
-        return geometry
-    choices = (Choice(f"{key}.rest", "uv", "the shape is cut from flat panels"),)
-    return replace(geometry, source=replace(geometry.source, choices=choices))
-
-
-def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tuple[RestShape, Indices]:
-    rest = rest_in_fabric(geometry, mesh.vertex_count, spec.fabric)
-    pins = select_pins(mesh, spec.pin, f"{key}.pin")
-    if len(pins) == mesh.vertex_count:
-        raise InputError(f"{key}.pin", "every vertex is pinned, so that nothing can move", "pin fewer vertices")
-    return rest, pins
-
-
-def _garment_mesh(
-    spec: GarmentSpec,
-    key: str,
-    body: MannequinMeasures | BodyMeasures | None,
-    laid_round: AvatarSpec | None,
-    drafts: Cache,
-) -> Mesh:
-    placement = Placement(spec.translate, spec.rotate, spec.scale)
-    if spec.mesh is None:
-        if isinstance(body, BodyMeasures):
-            body = measured_mannequin(body, drafts)[0]
-        if spec.pattern is not None:
-            from warp_cloth.pattern import load_pattern
-
-            figure = None if laid_round is None else _figure(laid_round, drafts)
-            mesh = load_pattern(spec.pattern, edge=spec.edge, options=spec.draft_options, figure=figure)
-        else:
-            mesh = build_garment(spec.shape, body=body, cache=drafts)
-        return replace(mesh, points=placement.moved(mesh.points * spec.scale))
-    load = partial(
-        load_mesh_once,
-        spec.mesh,
-        role="garment",
-        key=key,
-        prim=spec.prim,
-        units=spec.units,
-        up=spec.up,
-        placement=placement,
-    )
-    mesh = load(rest=spec.rest)
-    # triangles without area serve panels alone, and whether there are panels shows only now
-    kept = spec.rest == "auto" and bool(without_area(mesh.points, mesh.triangles).any())
-    as_modelled = kept and choose_rest(mesh, "auto", spec.uv_metres, key, spec.scale).kind == "mesh"
-    return load(rest="mesh") if as_modelled else mesh
-
-
-def _figure(avatar: AvatarSpec, drafts: Cache) -> Figure:
-    """The parts of an avatar that panels are laid round, found once."""
-    from warp_cloth.pattern import figure_of
-
-    parameters = _values(avatar, MESH_KEYS), _file_stamp(avatar.mesh)
-    return drafts.get_or_make("figure", (), lambda: figure_of(_avatar_mesh(avatar, drafts)), *parameters)
-
-
-def _avatar_mesh(spec: AvatarSpec, drafts: Cache) -> Mesh:
-    if spec.mesh is not None:
-        return load_mesh_once(spec.mesh, role="avatar", key="avatar", prim=spec.prim, units=spec.units, up=spec.up)
-    if spec.measures is not None:
-        return measured_mannequin(spec.measures, drafts)[1]
-    return build_avatar(spec.shape, cache=drafts)
