@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.pattern.by_shape import are_mirrored, told_by_shape
+from warp_cloth.pattern.by_shape import are_mirrored, is_leg_and_no_bodice, told_by_shape
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.drawn_darts import turned
@@ -139,10 +139,10 @@ def _is_lone_half(piece: Piece, said: Stated, part: Part, pieces: Sequence[Piece
     """Whether a piece is half a front or back whose other half is nowhere."""
     if part.kind not in ("front", "back") or part.side == BOTH or "centre" not in part.roles:
         return False
-    others = [each for each in pieces if each.what.kind == part.kind and not each.what.panel and each is not piece]
+    alike = [each for each in pieces if each.what.kind == part.kind and not each.what.panel]
     copies = said.copies if said.copies is not None else piece.copies
     return (
-        not others
+        len(alike) == 1
         and piece.what.side == BOTH
         and said.place in (None, part.kind)
         and (copies is None or sum(copies) == 1)
@@ -223,6 +223,8 @@ def _worn_on(piece: Piece, face: str) -> str:
     hollow = concave_count(shape)
     if piece.mirror is not None:
         return face if hollow >= 2 else f"skirt_{face}"
+    if hollow >= 2 and is_leg_and_no_bodice(piece):
+        return f"leg_{face}"
     return face if hollow >= 2 else f"leg_{face}" if hollow == 1 else f"skirt_{face}"
 
 

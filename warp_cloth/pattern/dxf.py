@@ -25,6 +25,7 @@ from warp_cloth.pattern.dxf_drawn import (
     layer_number,
     texts_of,
 )
+from warp_cloth.pattern.dxf_names import with_usable_names, written_name
 from warp_cloth.pattern.dxf_sheet import sheet_pieces
 from warp_cloth.pattern.loops import area_of, chained
 from warp_cloth.pattern.specification import MOST_PANELS, short
@@ -92,7 +93,7 @@ def _document(file: str, data: bytes) -> Any:
     try:
         if data.startswith(BINARY):
             return Drawing.load(binary_tags_loader(data))
-        document, _ = recover.read(io.BytesIO(data))
+        document, _ = recover.read(io.BytesIO(with_usable_names(data)))
     except Exception as error:  # a damaged file raises whatever the recovery happens to meet
         said = short(" ".join(str(error).split())) or type(error).__name__
         _refuse(file, f"cannot be read as DXF: {said}")
@@ -115,7 +116,7 @@ def _pieces(document: Any) -> tuple[list[Drawn], list[str]]:
         if block.name in inner or block.name in sheets:
             continue
         insert = next((each for each in space if each.dxftype() == "INSERT" and each.dxf.name == block.name), None)
-        piece = drawn_piece(block.name, list(block), _scale(insert))
+        piece = drawn_piece(written_name(block.name), list(block), _scale(insert))
         if insert is not None:
             for attribute in insert.attribs:
                 piece.state(attribute.dxf.text)

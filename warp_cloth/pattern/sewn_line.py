@@ -115,13 +115,13 @@ def _sew_line(
     if any(area > 1.0 + SAME_LINE for area in areas):
         notes.append("layer 14 has outlines larger than the cut line: not taken as sew lines")
         return None
-    around = [loop for loop in closed if _goes_round(loop, cut)]
+    around = [loop for loop in closed if goes_round(loop, cut)]
     if not around:
         notes.append("its sew line does not go round it: the cut line is used")
     return max(around, key=area_of, default=None)
 
 
-def _goes_round(sew: Floats, cut: Floats) -> bool:
+def goes_round(sew: Floats, cut: Floats) -> bool:
     """Whether a loop is a cut line less a seam allowance: within it, and nowhere far from it."""
     if area_of(sew) >= (1.0 - SAME_LINE) * area_of(cut):
         return True

@@ -1,0 +1,77 @@
+"""What files of programs' own examples showed: names that are none, facings, legs with darts, notes of many pieces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from dxf_patterns import TRUE_SEAMS, Drafted, line, tshirt
+from dxf_programs import outline
+from dxf_rooms import MM, Blocks
+from test_dxf import kinds
+
+from warp_cloth.pattern import read_drafted
+from warp_cloth.pattern.chain import Chain
+from warp_cloth.pattern.dxf_names import with_usable_names
+from warp_cloth.pattern.facings import is_facing
+from warp_cloth.pattern.kinds import named
+from warp_cloth.pattern.piece_notes import gathered
+
+
+def blocks(*pieces: tuple[str, Drafted]) -> Blocks:
+    out = Blocks(MM)
+    for name, piece in pieces:
+        out.begin(name, ())
+        out.polyline(outline(piece), 1, closed=True)
+        out.end_block(piece)
+    return out
+
+
+def test_names_that_are_allowed_stay_as_they_are() -> None:
+    data = b"  0\r\nBLOCK\r\n  8\r\n1\r\n  2\r\nFRONT\r\n  0\r\nTEXT\r\n  1\r\na/b?\r\n"
+    assert with_usable_names(data) == data
+
+
+def test_blocks_of_one_name_stay_apart(tmp_path: Path) -> None:
+    """As different pieces, whose inserts follow each other."""
+    front, back, *_ = tshirt()
+    path = blocks(("DETAIL", front), ("DETAIL", back)).finish(tmp_path / "twice.dxf")
+    parts = read_drafted(path).parts
+    assert [part.name for part in parts] == ["DETAIL", "DETAIL #2"]
+
+
+def test_a_facing_lies_along_neck_and_shoulder_of_a_nameless_front(tmp_path: Path) -> None:
+    """It is left out, and the T-shirt is sewn as without it."""
+    pieces = tshirt()
+    front = pieces[0]
+    neck, shoulder = next(
+        (one, other)
+        for one, other in zip(front.edges, [*front.edges[1:], front.edges[0]], strict=True)
+        if len(one) > 2 or len(other) > 2
+    )
+    low = np.array([[*neck[0]], [*shoulder[-1]]]) - (0.0, 6.0)
+    ends = [(float(x), float(y)) for x, y in low]
+    facing = Drafted("5", [neck, shoulder, line(shoulder[-1], ends[1]), line(ends[1], ends[0]), line(ends[0], neck[0])])
+    numbered = [(str(k), piece) for k, piece in enumerate([*pieces, facing])]
+    draft = read_drafted(blocks(*numbered).finish(tmp_path / "faced.dxf"))
+    assert kinds(draft) == TRUE_SEAMS["tshirt"]
+    assert any("5: facing" in note for note in draft.notes)
+
+
+def test_a_strip_along_a_straight_edge_is_no_facing() -> None:
+    def rectangle(wide: float, high: float) -> list[Chain]:
+        corners = np.array([(0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high), (0.0, 0.0)])
+        return [Chain(corners[k : k + 2]) for k in range(4)]
+
+    assert not is_facing(rectangle(0.4, 0.05), rectangle(0.4, 0.6))
+    assert is_facing(rectangle(0.4, 0.6), rectangle(0.4, 0.6))
+
+
+def test_a_front_without_pocket_is_no_pocket() -> None:
+    assert named("FRONT_NO_POCKET").kind == named("Front with pockets").kind == "front"
+    assert named("FRONT POCKET").kind == "none"
+
+
+def test_what_many_pieces_say_is_said_once() -> None:
+    notes = ['piece "A": has no grain line', "a unit", 'piece "B": has no grain line', 'piece "B" is odd']
+    assert gathered(notes) == ['each of 2 pieces ("A", "B"): has no grain line', "a unit", 'piece "B" is odd']
