@@ -43,15 +43,9 @@ def test_blocks_of_one_name_stay_apart(tmp_path: Path) -> None:
 def test_a_facing_lies_along_neck_and_shoulder_of_a_nameless_front(tmp_path: Path) -> None:
     """It is left out, and the T-shirt is sewn as without it."""
     pieces = tshirt()
-    front = pieces[0]
-    neck, shoulder = next(
-        (one, other)
-        for one, other in zip(front.edges, [*front.edges[1:], front.edges[0]], strict=True)
-        if len(one) > 2 or len(other) > 2
-    )
-    low = np.array([[*neck[0]], [*shoulder[-1]]]) - (0.0, 6.0)
-    ends = [(float(x), float(y)) for x, y in low]
-    facing = Drafted("5", [neck, shoulder, line(shoulder[-1], ends[1]), line(ends[1], ends[0]), line(ends[0], neck[0])])
+    shoulder, neck = pieces[0].edges[3:5]
+    low, corner = (neck[-1][0], neck[-1][1] - 6.0), (shoulder[0][0], neck[-1][1] - 6.0)
+    facing = Drafted("5", [shoulder, neck, line(neck[-1], low), line(low, corner), line(corner, shoulder[0])])
     numbered = [(str(k), piece) for k, piece in enumerate([*pieces, facing])]
     draft = read_drafted(blocks(*numbered).finish(tmp_path / "faced.dxf"))
     assert kinds(draft) == TRUE_SEAMS["tshirt"]
