@@ -49,7 +49,7 @@ def test_a_facing_lies_along_neck_and_shoulder_of_a_nameless_front(tmp_path: Pat
     numbered = [(str(k), piece) for k, piece in enumerate([*pieces, facing])]
     draft = read_drafted(blocks(*numbered).finish(tmp_path / "faced.dxf"))
     assert kinds(draft) == TRUE_SEAMS["tshirt"]
-    assert any("5: facing" in note for note in draft.notes)
+    assert any("4: facing" in note for note in draft.notes)
 
 
 def test_a_strip_along_a_straight_edge_is_no_facing() -> None:

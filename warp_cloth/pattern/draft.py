@@ -101,7 +101,8 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
             piece, part = whole, _part(whole, said, panelled)
             notes.append(f"{place} is half a {part.kind}, cut once, with no fold line: mirrored at its straight centre")
         if part.kind == "none":
-            why = "as stated" if said.place == "none" else "by its name or material it is no part of the outer cloth"
+            why = "by its name or material it is no part of the outer cloth"
+            why = "as stated" if said.place == "none" else "it faces another piece" if part.sure <= BY_SHAPE else why
             notes.append(f"{place} is left out: {why}")
             continue
         if part.kind == "gore":
