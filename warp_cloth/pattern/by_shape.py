@@ -85,7 +85,7 @@ def told_by_shape(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
     They stay as they were where some names tell: the others are then taken to be what is not told.
     """
     if any(piece.what.kind for piece in pieces) or len(pieces) < 2:
-        return list(pieces), []
+        return _with_facings(pieces), []
     kinds = _Kinds(pieces)
     found = kinds.found()
     if not found:
@@ -97,6 +97,19 @@ def told_by_shape(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
     told = {index: "facing" if what.kind == "none" else what.kind for index, what in sorted(found.items())}
     said = ", ".join(f"{pieces[index].name}: {kind.replace('_', ' ')}" for index, kind in told.items())
     return out, [f"no names tell what pieces are; by their shapes {said}"]
+
+
+def _with_facings(pieces: Sequence[Piece]) -> list[Piece]:
+    """The pieces, those that no name tells left out where they face another one of the outer cloth."""
+    areas = [abs(sum(edge.area for edge in piece.edges)) for piece in pieces]
+    outer = [index for index, piece in enumerate(pieces) if piece.what.kind not in ("", "none")]
+    out = []
+    for piece, area in zip(pieces, areas, strict=True):
+        faced = [pieces[index] for index in outer if area < FACED * areas[index]]
+        known = piece.what.kind or piece.what.panel
+        is_one = not known and any(is_facing(piece.edges, other.edges) for other in faced)
+        out.append(replace(piece, what=Named("none", BOTH, sure=SURE)) if is_one else piece)
+    return out
 
 
 class _Kinds:

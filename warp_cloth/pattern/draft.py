@@ -36,6 +36,7 @@ from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
 STRIPS = ("collar", "cuff", "waistband", "hem_band")
+TOPS = ("sleeve", "collar", "hood", "yoke")  # kinds of which trousers and skirts have none
 SINGLE = ("front", "back", "collar", "waistband", "hem_band", "yoke", "skirt_front", "skirt_back")
 MIRROR = np.diag([-1.0, 1.0])
 UPWARDS = np.array([0.0, 1.0])
@@ -92,13 +93,14 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
     told, notes = told_by_shape([piece for piece in pieces if piece not in left_out])
     pieces = [*told, *left_out]
     panelled = _panelled(pieces, stated)
+    is_top = any(piece.what.kind in TOPS for piece in pieces)
     for piece in _unique(pieces, notes):
         said = stated.get(piece.name, Stated())
-        part = _part(piece, said, panelled)
+        part = _part(piece, said, panelled, is_top)
         place = f'piece "{short(piece.name)}"'
         whole = opened(piece, part.roles["centre"]) if _is_lone_half(piece, said, part, pieces) else None
         if whole is not None:
-            piece, part = whole, _part(whole, said, panelled)
+            piece, part = whole, _part(whole, said, panelled, is_top)
             notes.append(f"{place} is half a {part.kind}, cut once, with no fold line: mirrored at its straight centre")
         if part.kind == "none":
             why = "by its name or material it is no part of the outer cloth"
@@ -185,7 +187,8 @@ def _panelled(pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> frozense
     return frozenset(face for face in ("front", "back") if face in faces or f"side_{face}" in places)
 
 
-def _part(piece: Piece, said: Stated, panelled: frozenset[str]) -> Part:
+def _part(piece: Piece, said: Stated, panelled: frozenset[str], is_top: bool) -> Part:
+    """A piece as a part; ``is_top``: the garment has pieces that only tops have."""
     kind, side, sure = piece.what.kind, piece.what.side, piece.what.sure
     if said.place is not None:
         kind, stated_side = PLACES[said.place]
@@ -196,7 +199,7 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str]) -> Part:
     elif piece.what.panel == UNDER_SLEEVE:
         kind = "under_sleeve"
     elif kind in ("front", "back") and kind not in panelled:
-        kind = _worn_on(piece, kind)
+        kind = kind if is_top else _worn_on(piece, kind)
     elif kind == "leg" and _is_whole_leg(piece):
         pass
     elif kind == "skirt" and sum(said.copies or piece.copies or ()) >= FEWEST_GORES:

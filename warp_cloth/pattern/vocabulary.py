@@ -16,7 +16,7 @@ WORDS = (
         r"|leiste|schlitz|\bzak\b|zakken|voering|\bpoche|parement|doublure|enforme|entoilage|rabat|passant"
         r"|biais|\bpattes?\b|bolsi?l?lo|\bbolso|\bvista\b|forro|entretela|tapeta|trabilla|bragueta|carcela"
         r"|\bvies\b|solapa de bols|tasca|fodera|\bpassante|paramontura|ripiego|\bpatta\b|taschino|sbieco"
-        r"|kiesze|podszew|obloz|kapsa|podsivk|karman|podklad|\bобтачк|карман|подклад|клапан|шлевк|\bcep\b"
+        r"|kiesze|podszew|obloz|kapsa|podsivk|karman|podklad|\bобтачк|подборт|підборт|кишен|карман|подклад|клапан|шлевк|шлівк|підклад|дублер|\bcep\b"
         r"|cebi|astar|\bpervaz|\blomme|\bficka|tasku|vuori|tuki\b|lisake|kou ?dai|dou ?bu|li ?bu|gua ?mian|口袋|袋布"
         r"|袋盖|里布|里料|贴边|挂面|衬|门襟|ポケット|見返し|裏地|주머니|안감",
     ),
@@ -47,7 +47,7 @@ WORDS = (
         "collar",
         r"collar|neck[ _-]*(band|rib|bind|line)|rib[ _-]*neck|kragen|\bsteg\b|halsb(ue|u)ndchen|halsb"
         r"|kraag|\bcol\b|pied de col|encolure|bord[ _-]*cote|cuello|\bgola|collarin|colletto|\bcollo\b"
-        r"|listino|kolnierz|limec|vorotnik|воротник|стойка|\byaka\b|\bkrage|\bkrave|kaulus"
+        r"|listino|kolnierz|limec|vorotnik|воротник|комір|стойка|\byaka\b|\bkrage|\bkrave|kaulus"
         r"|\b(shang|xia|ni|fan)? ?ling(zi|pian|wei|mian|di)?\b|领|領|\beri\b|衿|칼라|카라",
     ),
     (
@@ -78,7 +78,7 @@ WORDS = (
     (
         "front",
         r"front|\bfrt?\b|\bf\b|vord|\bvorn|\bvt\b|voorpand|\bvoor|devant|\bavant|delanter|\bfrente|davanti"
-        r"|\bdavant|przod|predni|\bpered|полочк|перед|\bpolochk|\bon (beden|parca|govde|pantolon|etek|ust)"
+        r"|\bdavant|przod|predni|\bpered|полочк|пілочк|перед|\bpolochk|\bon (beden|parca|govde|pantolon|etek|ust)"
         r"|framsty|framst|\bfram\b|forstyk|etukap|\betu|\bqian|前|\bmae|앞|than truoc",
     ),
     (
