@@ -61,6 +61,32 @@ def test_a_strip_along_a_straight_edge_is_no_facing() -> None:
     assert is_facing(rectangle(0.4, 0.6), rectangle(0.4, 0.6))
 
 
+def yoked() -> list[tuple[str, Drafted]]:
+    """A T-shirt whose back is cut across below the shoulders, and laid in a pleat of 5 cm there."""
+    front, back, sleeve, band = tshirt()
+    hem, side, armhole, shoulder, neck, fold = (list(edge) for edge in back.edges)
+    height = armhole[-1][1] - 8.0
+    cut = next(k for k, point in enumerate(armhole) if point[1] > height)
+    corner, middle = armhole[cut], (0.0, armhole[cut][1])
+    yoke = [line(middle, corner), armhole[cut:], shoulder, neck, line(fold[0], middle)]
+    pleat = [(x - 5.0 if x == 0.0 else x, y) for x, y in (hem[0], middle)]
+    below = [line(pleat[0], hem[1]), side, armhole[: cut + 1], line(corner, pleat[1]), line(pleat[1], pleat[0])]
+    pieces = [("YOKE", Drafted("YOKE", yoke)), ("BACK", Drafted("BACK", below))]
+    return [("FRONT", front), *pieces, ("SLEEVE", sleeve), ("COLLAR", band)]
+
+
+def test_a_back_with_a_yoke_is_sewn(tmp_path: Path) -> None:
+    """The cap goes over the yoke's armhole, too, and no armhole is a crotch."""
+    draft = read_drafted(blocks(*yoked()).finish(tmp_path / "yoked.dxf"))
+    assert kinds(draft) == TRUE_SEAMS["tshirt"] | {"yoke": 1}
+
+
+def test_of_a_stand_and_a_collar_neither_is_sewn_unasked(tmp_path: Path) -> None:
+    stand = tshirt()[-1]
+    path = blocks(*yoked(), ("COLLAR STAND", stand)).finish(tmp_path / "yoked.dxf")
+    assert not {"collar", "collar ends"} & set(kinds(read_drafted(path)))
+
+
 def test_a_front_without_pocket_is_no_pocket() -> None:
     assert named("FRONT_NO_POCKET").kind == named("Front with pockets").kind == "front"
     assert named("FRONT POCKET").kind == "none"

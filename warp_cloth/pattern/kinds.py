@@ -58,6 +58,7 @@ PLACES: dict[str, tuple[str, int]] = {
     "gore": ("gore", BOTH),
     "side_skirt_front": ("side_skirt_front", BOTH),
     "side_skirt_back": ("side_skirt_back", BOTH),
+    "yoke": ("yoke", BOTH),
     "hood": ("hood", BOTH),
     "left_hood": ("hood", LEFT),
     "right_hood": ("hood", RIGHT),

@@ -27,6 +27,7 @@ from warp_cloth.pattern.runs import (
 )
 from warp_cloth.pattern.sleeves import is_raglan, proposed_sleeves, sleeve_side, under_sleeve_of
 from warp_cloth.pattern.specification import Side
+from warp_cloth.pattern.yokes import proposed_yokes
 
 SEWN_FROM = 0.75  # confidence from which a proposed seam is sewn without a word
 SHOWN_FROM = 0.3  # and from which it is written into the table at all
@@ -42,6 +43,7 @@ def proposed_joints(parts: Sequence[Part]) -> tuple[Joint, ...]:
     found = [
         *_darts(parts),
         *_bodices(parts),
+        *proposed_yokes(parts),
         *proposed_sleeves(parts),
         *_legs(parts),
         *_hoods(parts),
@@ -159,7 +161,7 @@ def _half_neck(parts: Sequence[Part], side: int) -> tuple[Side, ...]:
     """Half of the neckline, in the order in which a hood or collar on that side meets it against its direction."""
     halves = {}
     for kind in ("front", "back"):
-        for panel in parts_of_kind(parts, kind):
+        for panel in parts_of_kind(parts, *((kind, "yoke") if kind == "back" else (kind,))):
             part = parts[panel]
             if part.side not in (BOTH, side):
                 continue
@@ -224,6 +226,8 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
     """Collars, waistbands, cuffs and bands at the hem: round a ring of edges, their ends together."""
     for band in parts_of_kind(parts, "collar", "waistband", "cuff", "hem_band"):
         part = parts[band]
+        others = [each for each in parts_of_kind(parts, part.kind) if each not in (band, part.twin)]
+        sure = DOUBTED if others and part.kind != "cuff" else 1.0  # a stand and its collar: which goes on the neck?
         if "long" not in part.roles:
             continue
         ring = _ring(parts, band)
@@ -233,7 +237,7 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
             joint
             for role in ("long", "long2")
             for joint in joint_of(
-                parts, run_of(band, part.roles[role]), ring, part.kind.replace("_", " "), (-0.4, 0.04)
+                parts, run_of(band, part.roles[role]), ring, part.kind.replace("_", " "), (-0.4, 0.04), sure
             )
         ]
         joint = max(best, key=lambda each: each.confidence)
