@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from dxf_patterns import TRUE_SEAMS, Drafted, line, tshirt
+from dxf_patterns import TRUE_SEAMS, Drafted, bezier, line, tshirt
 from dxf_programs import outline
 from dxf_rooms import MM, Blocks
 from test_dxf import kinds
@@ -85,6 +86,27 @@ def test_of_a_stand_and_a_collar_neither_is_sewn_unasked(tmp_path: Path) -> None
     stand = tshirt()[-1]
     path = blocks(*yoked(), ("COLLAR STAND", stand)).finish(tmp_path / "yoked.dxf")
     assert not {"collar", "collar ends"} & set(kinds(read_drafted(path)))
+
+
+def half_skirt(name: str, vent: float) -> Drafted:
+    """Half a pencil skirt, its middle at x = 0, with a vent there."""
+    middle = [(0.0, 60.0), *([(0.0, 20.0), (-vent, 18.0), (-vent, 0.0)] if vent else [(0.0, 0.0)])]
+    side = bezier((22.0, 0.0), (26.0, 30.0), (26.0, 45.0), (18.0, 61.0))
+    edges = [line(middle[-1], side[0]), side, line(side[-1], middle[0])]
+    return Drafted(name, [*edges, *(line(a, b) for a, b in pairwise(middle))])
+
+
+def test_half_skirts_without_a_number_are_opened_or_cut_as_pairs(tmp_path: Path) -> None:
+    """A front whose middle is straight is mirrored there; a back with a vent is sewn along its middle."""
+    pieces = half_skirt("FRONT", 0.0), half_skirt("BACK", 4.0)
+    draft = read_drafted(blocks(*((piece.name, piece) for piece in pieces)).finish(tmp_path / "skirt.dxf"))
+    assert [part.name for part in draft.parts] == ["FRONT", "BACK", "BACK mirrored"]
+    assert kinds(draft) == {"side": 2, "centre back": 1}
+
+
+def test_a_binding_is_no_sleeve() -> None:
+    assert named("armBinding").kind == named("BACK_LINI").kind == "none"
+    assert named("neckBinding").kind == "collar"
 
 
 def test_a_front_without_pocket_is_no_pocket() -> None:

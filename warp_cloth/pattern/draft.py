@@ -15,6 +15,7 @@ from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.drawn_darts import turned
 from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, SIDE_PANEL, UNDER_SLEEVE, named, without_side
 from warp_cloth.pattern.panel_roles import (
+    half_skirt_roles,
     middle_side,
     parted_at_underarm,
     side_panel_roles,
@@ -41,6 +42,7 @@ from warp_cloth.pattern.roles import (
 from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
+SKIRTS = ("skirt_front", "skirt_back")
 STRIPS = ("collar", "cuff", "waistband", "hem_band")
 TOPS = ("sleeve", "collar", "hood")  # kinds of which trousers and skirts have none
 SINGLE = ("front", "back", "collar", "waistband", "hem_band", "yoke", "skirt_front", "skirt_back")
@@ -114,10 +116,12 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
         said = stated.get(piece.name, Stated())
         part = _part(piece, said, panelled, top)
         place = f'piece "{short(piece.name)}"'
-        whole = opened(piece, part.roles["centre"]) if _is_lone_half(piece, said, part, pieces) else None
+        is_half = _is_lone_half(piece, said, part, pieces)
+        whole = opened(piece, part.roles["centre"]) if is_half else None
         if whole is not None:
             piece, part = whole, _part(whole, said, panelled, top)
-            notes.append(f"{place} is half a {part.kind}, cut once, with no fold line: mirrored at its straight centre")
+            kind = part.kind.replace("_", " ")
+            notes.append(f"{place} is half a {kind}, cut once, with no fold line: mirrored at its straight centre")
         if part.kind == "none":
             why = "by its name or material it is no part of the outer cloth"
             why = "as stated" if said.place == "none" else "it faces another piece" if part.sure <= BY_SHAPE else why
@@ -126,7 +130,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
         if part.kind == "gore":
             parts += _gores(part, said.copies or piece.copies or (1, 0))
             continue
-        drawn, mirrored = _copies(piece, said, part, place, notes)
+        drawn, mirrored = _copies(piece, said, part, is_half and whole is None, place, notes)
         made = [part] if drawn else []
         if mirrored:
             made.append(_mirrored(part, drawn))
@@ -156,9 +160,10 @@ def _unique(pieces: Sequence[Piece], notes: list[str]) -> list[Piece]:
 
 def _is_lone_half(piece: Piece, said: Stated, part: Part, pieces: Sequence[Piece]) -> bool:
     """Whether a piece is half a front or back whose other half is nowhere."""
-    if part.kind not in ("front", "back", "yoke") or part.side == BOTH or "centre" not in part.roles:
+    if part.kind not in ("front", "back", "yoke", *SKIRTS) or part.side == BOTH or "centre" not in part.roles:
         return False
-    alike = [each for each in pieces if each.what.kind == part.kind and not each.what.panel]
+    kinds = (part.kind, part.kind.removeprefix("skirt_"))
+    alike = [each for each in pieces if each.what.kind in kinds and not each.what.panel]
     copies = said.copies if said.copies is not None else piece.copies
     return (
         len(alike) == 1
@@ -168,12 +173,12 @@ def _is_lone_half(piece: Piece, said: Stated, part: Part, pieces: Sequence[Piece
     )
 
 
-def _copies(piece: Piece, said: Stated, part: Part, place: str, notes: list[str]) -> tuple[bool, bool]:
-    """Whether the piece is cut as drawn, and mirrored."""
+def _copies(piece: Piece, said: Stated, part: Part, is_half: bool, place: str, notes: list[str]) -> tuple[bool, bool]:
+    """Whether the piece is cut as drawn, and mirrored; ``is_half``: its other half is nowhere, and no mirror image."""
     stated = said.copies if said.copies is not None else piece.copies
     if stated is None:
         one_sided = piece.what.side != BOTH or PLACES.get(said.place or "", ("", BOTH))[1] != BOTH
-        pair = part.kind in PAIRED and not one_sided
+        pair = (part.kind in PAIRED or is_half) and not one_sided
         if pair:
             notes.append(f"{place} states no quantity: a pair is taken")
         return True, pair
@@ -234,6 +239,9 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
                 kind, side, UPWARDS, {}, sure, holes, darts)  # fmt: skip
     shape = part.shape
     roles = _roles(kind, shape, mirror is not None, kind in panelled, top.has_yoke)
+    copies = said.copies or piece.copies
+    if kind in SKIRTS and mirror is None and (copies is None or all(copies)):
+        roles = half_skirt_roles(shape) or roles
     return replace(part, roles=roles, side=side or _side(kind, shape, roles, mirror is not None))
 
 
@@ -285,7 +293,7 @@ def _side(kind: str, shape: Shape, roles: Roles, whole: bool) -> int:
     if whole:
         return BOTH
     faced = -1 if kind in ("back", "leg_back", "skirt_back", "side_back", "yoke") else 1
-    if (kind in ("front", "back", "yoke") and "centre" in roles) or (
+    if (kind in ("front", "back", "yoke", *SKIRTS) and "centre" in roles) or (
         kind in ("side_front", "side_back") and "princess" in roles
     ):
         outer = ("side+", "armhole+", "shoulder+", "princess+")

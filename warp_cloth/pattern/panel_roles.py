@@ -11,6 +11,8 @@ from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.roles import BENT, Roles, Shape, arm_side, bodice_roles, ends_of, sleeve_roles
 
 SHARP = 0.5 * BENT  # turn at which one seam ends and another begins
+PLUMB = 0.01  # across over along, of the middle of half a skirt
+LONG = 0.3  # of a skirt's height, that its middle runs straight at least
 TO_NOTCH = 0.06  # of the top of an under sleeve, from its lowest point to the notch at the side seam
 
 
@@ -63,6 +65,31 @@ def yoked_back_roles(shape: Shape, whole: bool) -> Roles:
             return {}
         roles |= {f"side{mark}": tuple(k for k in path if k not in top), f"armhole{mark}": top}
     return roles
+
+
+def half_skirt_roles(shape: Shape) -> Roles:
+    """Of half a skirt's front or back: hem, waist, centre, and side at "+" or "-"; empty where none is its middle.
+
+    Its middle runs straight down from the waist, its side does not: it is bowed over the hip, or slants.
+    """
+    (hem_first, hem_end), (waist_first, waist_end) = ends_of(shape)
+    paths = {"+": shape.run(hem_end, waist_first), "-": shape.run(waist_end, hem_first)[::-1]}  # upwards
+    if not all(paths.values()):
+        return {}
+    plumb = [mark for mark, path in paths.items() if _is_plumb(shape, path[-1])]
+    if len(plumb) != 1:
+        return {}
+    side = "-" if plumb[0] == "+" else "+"
+    runs = {mark: path if mark == "+" else path[::-1] for mark, path in paths.items()}
+    ends = {"hem": shape.run(hem_first, hem_end), "waist": shape.run(waist_first, waist_end)}
+    return ends | {"centre": runs[plumb[0]], f"side{side}": runs[side]}
+
+
+def _is_plumb(shape: Shape, k: int) -> bool:
+    """Whether an edge is long, straight and along the grain."""
+    x, y = np.abs(shape.chord(k))
+    height = float(np.ptp(np.array(shape.box), axis=0)[1])
+    return bool(x < PLUMB * y and y > LONG * height and abs(shape.bow(k)) < PLUMB * y)
 
 
 def _outer_side(shape: Shape, path: tuple[int, ...], mark: str) -> Roles:

@@ -33,6 +33,7 @@ SEWN_FROM = 0.75  # confidence from which a proposed seam is sewn without a word
 SHOWN_FROM = 0.3  # and from which it is written into the table at all
 LEFTOVER = 0.6  # most that lengths alone make sure
 FRONT_CENTRE = 0.5  # a front's two halves are as often closed by a zip, or left open
+SKIRT_FRONT_CENTRE = 0.9
 PRINCESS_EASE = (-0.04, 0.02)  # a side panel is eased over the bust
 RIVAL = 0.05  # of confidence, by which the surest seam of an edge is to be surer than the next
 DOUBTED = 0.7  # factor on the confidence of one that is not
@@ -195,10 +196,12 @@ def _skirts(parts: Sequence[Part]) -> Iterable[Joint]:
     for front in fronts:
         for back in backs:
             for side in (LEFT, RIGHT):
-                if parts[front[0]].side == BOTH and parts[back[0]].side == BOTH:
+                if all(parts[face[0]].side in (BOTH, side) for face in (front, back)):
                     one, other = face_run(parts, front, "side", side), face_run(parts, back, "side", side, True)
                     yield from joint_of(parts, one, other, "side")
     yield from _between_panels(parts, (*fronts, *backs))
+    yield from _centres(parts, [face[0] for face in fronts], SKIRT_FRONT_CENTRE, "centre front")
+    yield from _centres(parts, [face[0] for face in backs], 1.0, "centre back")
     for kind in ("front", "back"):
         for top in parts_of_kind(parts, kind):
             for skirt in parts_of_kind(parts, f"skirt_{kind}"):

@@ -11,7 +11,8 @@ from __future__ import annotations
 WORDS = (
     (
         "none",
-        r"facing|interlin|interfac|fusing|fusible|lining|label|pocket|flap|welt|belt\b|loop|plac?ket"
+        r"facing|(?<!neck )(?<!neckline )\bbinding|\bbias\b|paspel|schragband|\blini\b|\blng\b"
+        r"|interlin|interfac|fusing|fusible|lining|label|pocket|flap|welt|belt\b|loop|plac?ket"
         r"|placard|\bfly\b|\btasche|tasche\b|taschen|beleg|futter|einlage|etikett|schlaufe|\bpatten?\b"
         r"|leiste|schlitz|\bzak\b|zakken|voering|\bpoche|parement|doublure|enforme|entoilage|rabat|passant"
         r"|biais|\bpattes?\b|bolsi?l?lo|\bbolso|\bvista\b|forro|entretela|tapeta|trabilla|bragueta|carcela"
