@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pytest
 from dxf_patterns import TRUE_SEAMS, Drafted, bezier, line, tshirt
 from dxf_programs import outline
 from dxf_rooms import MM, Blocks
+from dxf_rooms import named as named_texts
 from test_dxf import kinds
 
 from warp_cloth.pattern import read_drafted
@@ -29,7 +33,7 @@ def blocks(*pieces: tuple[str, Drafted]) -> Blocks:
 
 
 def test_names_that_are_allowed_stay_as_they_are() -> None:
-    data = b"  0\r\nBLOCK\r\n  8\r\n1\r\n  2\r\nFRONT\r\n  0\r\nTEXT\r\n  1\r\na/b?\r\n"
+    data = b"  0\nBLOCK\n  8\n1\n  2\nFRONT\n  0\nTEXT\n  1\na/b?\n"
     assert with_usable_names(data) == data
 
 
@@ -117,3 +121,31 @@ def test_a_front_without_pocket_is_no_pocket() -> None:
 def test_what_many_pieces_say_is_said_once() -> None:
     notes = ['piece "A": has no grain line', "a unit", 'piece "B": has no grain line', 'piece "B" is odd']
     assert gathered(notes) == ['each of 2 pieces ("A", "B"): has no grain line', "a unit", 'piece "B" is odd']
+
+
+WRITTEN: dict[str, Callable[[str], str]] = {
+    "old Macs' lines": lambda text: text.replace("\n", "\r"),
+    "blank lines above": lambda text: f"\n\n{text}",
+    "blanks behind": lambda text: text.replace("\n", "  \n"),
+    "no sequence ends": lambda text: text.replace("  0\nSEQEND\n  8\n1\n", ""),
+    "no header": lambda text: text[text.index("  0\nSECTION\n  2\nBLOCKS") :],
+    "no end": lambda text: text.replace("  0\nEOF\n", ""),
+    "comments": lambda text: "999\nby hand\n" + text.replace("  0\nPOLYLINE", "999\nnote\n  0\nPOLYLINE"),
+    "decimal commas": lambda text: re.sub(r"(\d)\.(\d)", r"\1,\2", text),
+    "layers named": lambda text: text.replace("\n  8\n1\n", "\n  8\nBoundary_Line\n"),
+    "lines left open": lambda text: text.replace("\n 66\n1\n 70\n1\n", "\n 66\n1\n 70\n0\n"),
+}
+
+
+@pytest.mark.parametrize("way", WRITTEN)
+def test_a_tshirt_is_read_however_its_file_is_written(way: str, tmp_path: Path) -> None:
+    out = Blocks(MM)
+    for piece in tshirt():
+        out.begin(piece.name, named_texts(piece))
+        out.polyline(outline(piece), 1, closed=True)
+        out.end_block(piece)
+    path = out.finish(tmp_path / "tee.dxf", "Units: METRIC")
+    text = path.read_text()
+    path.write_bytes(WRITTEN[way](text).encode())
+    assert path.read_bytes() != text.encode()
+    assert kinds(read_drafted(path)) == TRUE_SEAMS["tshirt"]

@@ -25,8 +25,8 @@ def written_name(block: str) -> str:
 
 
 def with_usable_names(data: bytes) -> bytes:
-    """The bytes of an ASCII DXF file with names that are allowed, and of blocks unlike; else as they are."""
-    lines = data.split(b"\n")
+    """The bytes of an ASCII DXF file with names that are allowed, and of blocks unlike, and with clean lines."""
+    lines = _lines(data)
     counts = Counter(name.upper() for entity, code, _, name in _names(lines) if entity == BLOCK and code == b"2")
     seen: Counter[tuple[bytes, bytes, bytes]] = Counter()
     changes: dict[int, bytes] = {}
@@ -39,10 +39,32 @@ def with_usable_names(data: bytes) -> bytes:
             seen[key] += 1
             usable += b"%s%d" % (AGAIN.encode(), number + 1) if number else b""
         if usable != name:
-            changes[place] = usable + (b"\r" if lines[place].endswith(b"\r") else b"")
+            changes[place] = usable
     for place, line in changes.items():
         lines[place] = line
-    return b"\n".join(lines) if changes else data
+    return b"\n".join(lines)
+
+
+def _lines(data: bytes) -> list[bytes]:
+    """The lines of a file in pairs of group code and value, without blanks behind or above them.
+
+    Line ends may be those of old Macs; polylines that run into the next entity get their end.
+    """
+    data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    lines = [line.rstrip(b" \t") for line in data.removeprefix(b"\xef\xbb\xbf").split(b"\n")]
+    first = next((place for place, line in enumerate(lines) if line), 0)
+    lines = lines[first:]
+    ends = []
+    inside = False
+    for place in range(1, len(lines), 2):
+        if lines[place - 1].strip() == b"0":
+            entity = lines[place].strip()
+            if inside and entity not in (b"VERTEX", b"SEQEND"):
+                ends.append(place - 1)
+            inside = entity == b"POLYLINE" or (inside and entity == b"VERTEX")
+    for place in reversed(ends):
+        lines[place:place] = [b"  0", b"SEQEND"]
+    return lines
 
 
 def _names(lines: list[bytes]) -> list[tuple[bytes, bytes, int, bytes]]:
