@@ -29,7 +29,7 @@ Place = Literal[
     "right_side_front", "side_back", "left_side_back", "right_side_back", "sleeve", "left_sleeve", "right_sleeve",
     "under_sleeve", "left_under_sleeve", "right_under_sleeve", "leg_front", "left_leg_front", "right_leg_front",
     "leg_back", "left_leg_back", "right_leg_back", "leg", "left_leg", "right_leg", "skirt_front", "skirt_back", "hood",
-    "left_hood", "right_hood", "collar", "waistband", "hem_band", "cuff", "left_cuff", "right_cuff", "none",
+    "left_hood", "right_hood", "yoke", "collar", "waistband", "hem_band", "cuff", "left_cuff", "right_cuff", "none",
     "side_skirt_front", "side_skirt_back", "gore",
 ]  # fmt: skip
 Copies = Annotated[Integer, Field(ge=0, le=50)]
