@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import warp_cloth
 from warp_cloth.anatomy.openings import Limbs
-from warp_cloth.anatomy.shoulders import Shoulders
+from warp_cloth.anatomy.shoulders import Shoulders, height_over_shoulders
 from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, TRUNK, Skeleton, skeleton_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, vertex_normals
@@ -171,6 +171,19 @@ def test_cloth_between_the_neck_and_a_raised_arm_lies_on_the_shoulder(shirt: Shi
     higher = replace(shoulders, skin={arm: 1.9 * top for arm, top in shoulders.skin.items()})
     assert higher.placed == [RIGHT_ARM, LEFT_ARM]
     assert higher.slipped(shirt.points, shirt.triangles) == ()
+
+
+def test_only_cloth_on_the_shoulder_tells_how_high_a_garment_is(shirt: Shirt) -> None:
+    """Not the lower half of a sleeve, beside a strap that is narrow."""
+    limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
+    skeleton = shirt.skeleton
+    roots = [skeleton.curves[arm][skeleton.joints[arm]] for arm in (RIGHT_ARM, LEFT_ARM)]
+    width, root = float((roots[1] - roots[0]) @ skeleton.left) / 2.0, float(np.mean(roots, axis=0) @ skeleton.up)
+    aside = np.abs((shirt.points - skeleton.middle) @ skeleton.left)
+    off = (aside > 0.75 * width) & (shirt.points @ skeleton.up > root)
+    narrow = shirt.triangles[~off[shirt.triangles].any(axis=1)]
+    whole = height_over_shoulders(limbs, shirt.points, shirt.triangles, skeleton)
+    assert height_over_shoulders(limbs, shirt.points, narrow, skeleton) == pytest.approx(whole, abs=0.02)
 
 
 def test_straps_are_tugged_inwards_along_the_shoulders_until_they_lie_there(shirt: Shirt) -> None:

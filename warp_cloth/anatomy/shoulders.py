@@ -11,7 +11,7 @@ from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.openings import ARMS, Limbs
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, Skeleton, outward_of
 from warp_cloth.base.mesh import Indices, Points
-from warp_cloth.base.section import segments_at
+from warp_cloth.base.section import section_at, segments_at
 
 # Distances from the middle of the body, across and up from the root of an arm, over that of the root.
 EDGE = (0.7, 0.95)  # where the top of the shoulder is measured
@@ -171,16 +171,22 @@ class _Side:
         return float(here[is_near, 1].max(initial=-np.inf))
 
     def tops(self, points: Points, triangles: Indices) -> Floats:
-        """The highest cloth at each of ACROSS, in the frontal plane through the root; nan: there is none."""
+        """How high the cloth on the shoulder reaches at each of ACROSS, in that plane; nan: there is none.
+
+        That is the part of the section that reaches highest there: another one lies below the arm.
+        """
         here = (points - self._middle) @ self._axes - self._root
-        ends = segments_at(here[:, 2], here[:, :2], triangles)
-        across, up = ends[:, :, 0], ends[:, :, 1]
+        section = section_at(here[:, 2], here[:, :2], triangles)
+        across, up = section.ends[:, :, 0], section.ends[:, :, 1]
         spans = across[:, 1] - across[:, 0]
         along = (ACROSS[:, None] - across[:, 0]) / np.where(spans == 0.0, np.inf, spans)
         heights = np.where(
             (along >= 0.0) & (along <= 1.0) & (spans != 0.0), up[:, 0] + along * (up[:, 1] - up[:, 0]), -np.inf
         )
-        found = heights.max(axis=1, initial=-np.inf)
+        if not np.isfinite(heights).any():
+            return np.full(len(ACROSS), np.nan)
+        highest = section.part[int(heights.max(axis=0).argmax())]
+        found = heights[:, section.part == highest].max(axis=1)
         return np.where(np.isfinite(found), found, np.nan)
 
     def skin_tops(self, body: Points) -> Floats:
