@@ -28,6 +28,7 @@ OUTSIDE, INSIDE, ALIKE = 0.95, 0.5, 0.25
 # Panels start with their shoulder seams a little below the skin, since these are drawn straight: 1 to 4 cm.
 SEAM = 0.025  # [m]
 ACROSS = np.linspace(0.5, 0.9, 9)  # from the middle, over that of the root: where it is measured
+FARTHER = np.linspace(0.95, 1.1, 4)  # the same, of straps that are farther out
 LAID = (0.5, 0.7)  # the same: straps are laid between these, as near as can be to where they were placed
 LOW = 0.3  # [m] below the skin: cloth so far down is no shoulder's
 
@@ -110,10 +111,12 @@ def height_over_shoulders(limbs: Sequence[Limbs], points: Points, triangles: Ind
     heights = []
     for arm in _with_shoulders(limbs):
         side = _Side(skeleton, arm)
-        gaps = side.tops(points, triangles) - side.skin_tops(skeleton.skin)
-        gaps = gaps[gaps * side.width > -LOW]  # also not where there is none, nan
-        if len(gaps):
-            heights.append(float(gaps.min()) * side.width + SEAM)
+        for across in (ACROSS, FARTHER):
+            gaps = side.tops(points, triangles, across) - side.skin_tops(skeleton.skin, across)
+            gaps = gaps[gaps * side.width > -LOW]  # also not where there is none, nan
+            if len(gaps):
+                heights.append(float(gaps.min()) * side.width + SEAM)
+                break
     return sum(heights) / len(heights) if heights else 0.0
 
 
@@ -170,8 +173,8 @@ class _Side:
         is_near = (here[:, 0] > EDGE[0]) & (here[:, 0] < EDGE[1]) & (np.abs(here[:, 2]) < NEAR_PLANE)
         return float(here[is_near, 1].max(initial=-np.inf))
 
-    def tops(self, points: Points, triangles: Indices) -> Floats:
-        """How high the cloth on the shoulder reaches at each of ACROSS, in that plane; nan: there is none.
+    def tops(self, points: Points, triangles: Indices, columns: Floats) -> Floats:
+        """How high the cloth on the shoulder reaches at these distances across, in that plane; nan: there is none.
 
         That is the part of the section that reaches highest there: another one lies below the arm.
         """
@@ -179,19 +182,19 @@ class _Side:
         section = section_at(here[:, 2], here[:, :2], triangles)
         across, up = section.ends[:, :, 0], section.ends[:, :, 1]
         spans = across[:, 1] - across[:, 0]
-        along = (ACROSS[:, None] - across[:, 0]) / np.where(spans == 0.0, np.inf, spans)
+        along = (columns[:, None] - across[:, 0]) / np.where(spans == 0.0, np.inf, spans)
         heights = np.where(
             (along >= 0.0) & (along <= 1.0) & (spans != 0.0), up[:, 0] + along * (up[:, 1] - up[:, 0]), -np.inf
         )
         if not np.isfinite(heights).any():
-            return np.full(len(ACROSS), np.nan)
+            return np.full(len(columns), np.nan)
         highest = section.part[int(heights.max(axis=0).argmax())]
         found = heights[:, section.part == highest].max(axis=1)
         return np.where(np.isfinite(found), found, np.nan)
 
-    def skin_tops(self, body: Points) -> Floats:
-        """How high the skin reaches at each of ACROSS."""
+    def skin_tops(self, body: Points, columns: Floats) -> Floats:
+        """How high the skin reaches at these distances across."""
         here = (body - self._middle) @ self._axes - self._root
         near = here[np.abs(here[:, 2]) < NEAR_PLANE]
-        width = ACROSS[1] - ACROSS[0]
-        return np.array([near[np.abs(near[:, 0] - place) < width, 1].max(initial=-np.inf) for place in ACROSS])
+        width = columns[1] - columns[0]
+        return np.array([near[np.abs(near[:, 0] - place) < width, 1].max(initial=-np.inf) for place in columns])
