@@ -22,6 +22,7 @@ from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.dressing.panels import parted
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
+from warp_cloth.dressing.straps import tugged
 from warp_cloth.fitting.film import DressedShape, Dressing
 from warp_cloth.fitting.moving_body import BodyCollider
 from warp_cloth.fitting.problem import Problem, build_problem
@@ -59,6 +60,7 @@ PULL = 0.01  # [m] that these are pulled up in a burst; cloth that moves by more
 PULLS = 60  # at most
 NEAR = 0.003  # [m] from where they are pulled to
 BELOW_CROTCH = 0.03  # [m] that they stay under the body's crotch, where growing thighs would pinch them
+TUGS = 30  # at most, with which straps are laid on the shoulders
 LOWERING_STEPS = 40  # in which a garment that starts above the shoulders comes down onto them
 GROWTH = 2.0  # exponent of the thickness over the steps: slow while limbs move
 GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
@@ -134,6 +136,7 @@ def _sewn_and_carried(
         dressing.lower()
     else:
         _carry(dressing, lifted)
+    dressing.lay_straps()
     dressing.come_home()
     return dressing.ended()
 
@@ -289,6 +292,16 @@ class _Dressing:
                 self._take(1.0 - done, THICK)
             else:
                 self._take(max(1.0 - done / POSED_FOR, 0.0), _thickness(done))
+
+    def lay_straps(self) -> None:
+        """Tugs the straps of a garment inwards along the shoulders, while arms are still raised."""
+        for _ in range(TUGS):
+            moved = tugged(self.wearing.shoulders, self._points, self.wearing.triangles)
+            if moved is None:
+                break
+            self._problem.model.set_points(moved)
+            self._meet_body()
+            self._relax(BURST)
 
     def come_home(self) -> None:
         """Takes the limbs home that come last, and lets the body be whole."""
