@@ -171,10 +171,10 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         worn_by = outfit if attempt.begins_after is None else _worn_after(runs[attempt.begins_after], attempt.paddings)
         problem = build_problem([attempt], [worn_by], device, cache=cache, clock=clock)
         levels: tuple[LevelRun, ...] = ()
-        if attempt.begins_after is None:
-            levels = begin(problem)
-        else:
+        if attempt.begins_after is not None:
             start_where_left(problem, runs[attempt.begins_after].outcome)
+        if attempt.begins_after is None or attempt.thins:
+            levels = begin(problem)
         clock.begin("relax")
         outcome = relax(problem)
         clock.lap("relax")

@@ -230,7 +230,7 @@ def fit_loaded(
 
     def begin(problem: Problem) -> tuple[LevelRun, ...]:
         """Brings the garments to where every attempt starts: the earlier result, if there is one."""
-        if earlier is None or problem.attempts[0].posed:
+        if earlier is None or problem.attempts[0].posed or problem.attempts[0].thins:
             return prepare_start(problem, cache, clock, watched)
         if not start_from(problem, earlier):
             place = start if isinstance(start, str | Path) else "start"
