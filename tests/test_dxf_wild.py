@@ -149,3 +149,15 @@ def test_a_tshirt_is_read_however_its_file_is_written(way: str, tmp_path: Path) 
     path.write_bytes(WRITTEN[way](text).encode())
     assert path.read_bytes() != text.encode()
     assert kinds(read_drafted(path)) == TRUE_SEAMS["tshirt"]
+
+
+def test_a_named_facing_is_no_second_front(tmp_path: Path) -> None:
+    """What is called a front, and repeats the neck and the shoulder of a larger one, faces it."""
+    pieces = tshirt()
+    shoulder, neck = pieces[0].edges[3:5]
+    low, corner = (neck[-1][0], neck[-1][1] - 6.0), (shoulder[0][0], neck[-1][1] - 6.0)
+    facing = Drafted("X", [shoulder, neck, line(neck[-1], low), line(low, corner), line(corner, shoulder[0])])
+    both = [(piece.name, piece) for piece in pieces]
+    draft = read_drafted(blocks(*both, ("FRONT NECK INSIDE", facing)).finish(tmp_path / "faced.dxf"))
+    assert kinds(draft) == TRUE_SEAMS["tshirt"]
+    assert any('"FRONT NECK INSIDE" is left out: it faces another piece' in note for note in draft.notes)

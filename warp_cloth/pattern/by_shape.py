@@ -100,14 +100,15 @@ def told_by_shape(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
 
 
 def _with_facings(pieces: Sequence[Piece]) -> list[Piece]:
-    """The pieces, those that no name tells left out where they face another one of the outer cloth."""
+    """The pieces, those left out that face another one of the outer cloth, whose names say nothing, or the same."""
     areas = [abs(sum(edge.area for edge in piece.edges)) for piece in pieces]
     outer = [index for index, piece in enumerate(pieces) if piece.what.kind not in ("", "none")]
     out = []
     for piece, area in zip(pieces, areas, strict=True):
         faced = [pieces[index] for index in outer if area < FACED * areas[index]]
-        known = piece.what.kind or piece.what.panel
-        is_one = not known and any(is_facing(piece.edges, other.edges) for other in faced)
+        if piece.what.kind:
+            faced = [other for other in faced if other.what.kind == piece.what.kind]
+        is_one = not piece.what.panel and any(is_facing(piece.edges, other.edges) for other in faced)
         out.append(replace(piece, what=Named("none", BOTH, sure=SURE)) if is_one else piece)
     return out
 
