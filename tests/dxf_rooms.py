@@ -201,6 +201,22 @@ def short_sew_lines(path: Path) -> Path:
     return _sew_lines(path, -0.4)
 
 
+def inner_sew_lines(path: Path, name: Callable[[str], str] = "{}/1".format) -> Path:
+    """Valentina's AAMA: sew lines on layer 8, blocks named as no block may be, no texts."""
+    out = Blocks(MM)
+    for piece in tshirt():
+        out.begin(name(piece.name), ())
+        out.polyline([(float(x), float(y)) for x, y in inset(np.array(outline(piece)), -1.0)], 1, closed=True)
+        out.polyline(outline(piece), 8, closed=True)
+        out.end_block(piece)
+    return out.finish(path)
+
+
+def lost_names(path: Path) -> Path:
+    """As ``inner_sew_lines``, of names whose letters the file's code page lacks."""
+    return inner_sew_lines(path, lambda name: "?" * 6)
+
+
 def labelled_sheet(path: Path) -> Path:
     """A framed sheet of outlines on one layer, with labels for people ("FRONT", "Cut 1", "Place on fold")."""
     document = ezdxf.new("R2000")
@@ -241,7 +257,8 @@ def turned_inserts(path: Path) -> Path:
 ROOMS = {
     room.__name__: room
     for room in (key_points, shadows, counted_blocks, nested_outlines, graded_sew_layer, annotated, spline_frames,
-                 cut_notches, long_sew_lines, short_sew_lines, labelled_sheet, turned_inserts)
+                 cut_notches, long_sew_lines, short_sew_lines, inner_sew_lines, lost_names,
+                 labelled_sheet, turned_inserts)
 }  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import EdgeGraph, level_lines
 from warp_cloth.anatomy.linking import Wearing, curve_crossings, limbs_through
-from warp_cloth.anatomy.openings import LEGS, limbs_for
+from warp_cloth.anatomy.openings import LEGS, limbs_for, openings_of
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, RIGHT_LEG, TRUNK, Skeleton, skeleton_of
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
@@ -126,6 +126,21 @@ def test_a_tshirt_beside_its_body_has_limbs_outside_their_openings(
     points = garment.points + np.array(shift)
     assert wearing.misplaced(points) or wearing.pierced(points)
     assert Wearing.of(wearing.openings, points, wearing.triangles, wearing.skeleton).start_fault != ""
+
+
+def test_a_tshirt_cut_open_in_front_is_for_both_arms_and_all_the_rest(tshirt: Outfit) -> None:
+    """Neckline and hem are then one opening, that is for neither head nor legs alone."""
+    (wearing,), (garment,) = tshirt.wearing, tshirt.garments
+    assert wearing is not None
+    middle = garment.points[garment.triangles].mean(axis=1) - wearing.skeleton.middle
+    at_front = (np.abs(middle @ wearing.skeleton.left) < 0.02) & (middle @ wearing.skeleton.forward > 0.0)
+    triangles = garment.triangles[~at_front]
+    topology = build_topology(triangles, len(garment.points))
+    lengths = np.linalg.norm(np.diff(garment.points[topology.edges], axis=1)[:, 0], axis=1)
+    openings = openings_of(topology, triangles, lengths, len(garment.points))
+    jacket = Wearing.of(openings, garment.points, triangles, wearing.skeleton)
+    assert sorted(jacket.limbs) == [(HEAD, *LEGS), (RIGHT_ARM,), (LEFT_ARM,)]
+    assert jacket.start_fault == ""
 
 
 def test_sleeves_that_hang_lower_than_the_hem_are_for_arms(tshirt: Outfit) -> None:

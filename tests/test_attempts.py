@@ -163,9 +163,33 @@ def test_where_it_left_many_crossings_the_attempt_with_contact_goes_on() -> None
     assert decisions(after((sewn, LIMIT, 0), (levels, REST, VERTICES))) == ("accelerated", True, 0)
 
 
-def test_where_that_crosses_too_nothing_is_left_to_try() -> None:
+def test_where_that_crosses_too_it_is_untangled_once_round_a_thinned_body() -> None:
     sewn, levels = skirt()
-    assert after((sewn, LIMIT, VERTICES), (levels, REST, VERTICES)) is None
+    ends = (sewn, LIMIT, VERTICES), (levels, REST, VERTICES - 1)
+    thinned = after(*ends)
+    assert decisions(thinned) == ("accelerated", True, 1)
+    assert thinned is not None
+    assert thinned.thins
+    assert after(*ends, (thinned, LIMIT, 1)) is None
+
+
+def test_a_body_is_not_thinned_for_cloth_that_is_torn_or_where_nothing_crosses() -> None:
+    sewn, levels = skirt()
+    torn = Ended(levels, REST, VERTICES, VERTICES, torn=1)
+    for history in ([Ended(sewn, LIMIT, 0, VERTICES), torn], [Ended(sewn, LIMIT, 9, VERTICES, misplaced=True), torn]):
+        following_it = following(*history)
+        assert following_it is None or not following_it.thins
+
+
+def test_what_stays_tangled_on_the_posed_body_is_untangled_at_once() -> None:
+    posed = replace(first("tshirt", *SMALL_SHIRT), posed=True)
+    tangled = Ended(posed, LIMIT, 9, VERTICES, cut_short=CutShort.CROSSING)
+    thinned = following(tangled)
+    assert thinned is not None
+    assert (thinned.thins, thinned.begins_after) == (True, 0)
+    turned = following(tangled, Ended(thinned, LIMIT, 0, VERTICES, cut_short=CutShort.SLOW))
+    assert turned is not None
+    assert (turned.thins, turned.begins_after) == (False, 1)
 
 
 def test_the_attempt_with_contact_goes_on_from_few_crossings_too() -> None:

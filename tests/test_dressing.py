@@ -13,14 +13,24 @@ from pxr import Usd, UsdGeom
 import warp_cloth
 from warp_cloth.anatomy.openings import ARMS, LEGS
 from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, Skeleton
+from warp_cloth.base.cache import Cache
+from warp_cloth.base.clock import StageClock
+from warp_cloth.contact.crossing import find_crossings
+from warp_cloth.contact.sheets import sheets_of
 from warp_cloth.dressing.free_space import FreeSpace
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
+from warp_cloth.fitting.predrape import prepare_start
+from warp_cloth.fitting.problem import build_problem
 from warp_cloth.garment.outfit import Outfit, load_outfit
 from warp_cloth.loading import load_mesh
+from warp_cloth.model.attempt import TORN
+from warp_cloth.model.next_attempt import first_attempt
 from warp_cloth.scene import load_scene
+from warp_cloth.solver.certificate.strains import edge_strains
 
 COARSE = ("garment.shape.edge_mm=25",)
+SEWN = ("collision.cloth=false", "solver.method=accelerated", "solver.start=placed", "solver.iterations=400")
 
 
 @pytest.fixture(scope="module")
@@ -166,6 +176,27 @@ def test_a_tshirt_that_starts_behind_its_body_is_worn_all_the_same(tmp_path: Pat
     check_film(fit, tmp_path)
     placed = warp_cloth.fit(scene, device="cpu", overrides=["solver.start=placed", "solver.iterations=20"])
     assert all(attempt["start"] != "posed" for attempt in placed.report["attempts"])
+
+
+def test_what_crosses_on_the_body_comes_apart_while_it_is_thin(tshirt: Outfit) -> None:
+    """A T-shirt whose vertices are moved by more than an edge, each in another direction."""
+    scene = load_scene("tshirt", COARSE)
+    sewn = warp_cloth.fit("tshirt", device="cpu", overrides=[*COARSE, *SEWN])
+    moves = np.random.default_rng(0).normal(size=sewn.garments[0].points.shape)
+    before = sewn.garments[0].points + 0.03 * moves / np.linalg.norm(moves, axis=1, keepdims=True)
+    sheets = sheets_of(tshirt.garments)
+    assert len(find_crossings(before, sheets, "cpu").pairs) > 100
+    attempt = replace(first_attempt(scene, tshirt), begins_after=0, thins=True)
+    problem = build_problem([attempt], [tshirt], "cpu")
+    problem.model.set_points(before)
+    (run,) = prepare_start(problem, Cache(), StageClock())
+    after = problem.model.points()
+    assert run.iterations > 0
+    assert len(find_crossings(after, sheets, "cpu").pairs) == 0
+    assert float(edge_strains(problem.model).max()) < TORN
+    (wearing,) = tshirt.wearing
+    assert wearing is not None
+    assert wearing.misplaced(after) == []
 
 
 def check_film(fit: warp_cloth.Fit, folder: Path) -> None:

@@ -134,6 +134,17 @@ def test_a_binary_file_is_read(tmp_path: Path) -> None:
     assert kinds(read_drafted(tmp_path / "drawn.dxf")) == TRUE_SEAMS["tshirt"]
 
 
+def test_a_binary_file_is_read_whose_header_is_spoiled(tmp_path: Path) -> None:
+    """Valentina's library writes the times of its header as integers of four bytes."""
+    path = tmp_path / "drawn.dxf"
+    drawing(plain).saveas(path, fmt="bin")
+    version = b"$ACADVER\x00\x01\x00AC1024\x00"
+    data = path.read_bytes()
+    assert data.count(version) == 1
+    path.write_bytes(data.replace(version, version + b"\x09\x00$TDCREATE\x00\x28\x00\x05\x00\x00\x00"))
+    assert kinds(read_drafted(path)) == TRUE_SEAMS["tshirt"]
+
+
 def test_texts_in_other_languages_state_names_and_numbers(tmp_path: Path) -> None:
     drawing(plain, "", ("Teilename: {}", "Stückzahl: {}")).saveas(tmp_path / "drawn.dxf")
     draft = read_drafted(tmp_path / "drawn.dxf")

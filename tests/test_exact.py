@@ -50,6 +50,19 @@ def test_distance_is_that_of_brute_force() -> None:
     assert ((found < 0.0) == (np.abs(points @ turn[:3, :3]) < [0.1, 0.05, 0.075]).all(axis=1)).all()
 
 
+def test_closest_points_are_exact() -> None:
+    mesh = as_mesh(ball(subdivisions=3))
+    corners = mesh.points[mesh.triangles]
+    off = 1.0 + np.random.default_rng(5).uniform(-0.5, 0.5, (3, 100, 1))
+    towards = corners[:100, 0], corners[:100, :2].mean(axis=1), corners[:100].mean(axis=1)  # corners, sides, middles
+    points = np.concatenate([each * far for each, far in zip(towards, off, strict=True)])
+    found = build_exact_collider(mesh, "cpu").closest(points, exact=1.0)
+    every = trimesh.triangles.closest_point(np.tile(corners, (len(points), 1, 1)), points.repeat(len(corners), axis=0))
+    distance = np.linalg.norm(every.reshape(len(points), -1, 3) - points[:, None], axis=2)
+    np.testing.assert_allclose(np.linalg.norm(found.points - points, axis=1), distance.min(axis=1), atol=1e-15)
+    np.testing.assert_allclose(found.weights.sum(axis=1), 1.0, atol=1e-15)
+
+
 def test_normal_leads_out_of_both_sides_and_from_the_surface() -> None:
     exact = build_exact_collider(as_mesh(ball(subdivisions=4)), "cpu")
     way = np.random.default_rng(1).normal(size=(200, 3))

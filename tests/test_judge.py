@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 import warp_cloth
 from warp_cloth.anatomy.openings import Limbs
-from warp_cloth.anatomy.shoulders import Shoulders
+from warp_cloth.anatomy.shoulders import Shoulders, height_over_shoulders
 from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, TRUNK, Skeleton, skeleton_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, vertex_normals
+from warp_cloth.dressing.straps import TUG, tugged
 from warp_cloth.fitting.judge import Judgement, judged_shape
 from warp_cloth.garment.outfit import MeshCache, load_outfit
 from warp_cloth.scene import load_scene
@@ -161,6 +162,47 @@ def test_straps_that_hang_on_the_arms_have_slipped_off_the_shoulders(shirt: Shir
     assert slipped(limbs, shirt.points, down) == (RIGHT_ARM, LEFT_ARM)
     assert slipped(limbs, down, down) == (), "it began there"
     assert slipped(((0, 1, 2), (3, 4)), shirt.points, down) == (), "a strapless one"
+
+
+def test_cloth_between_the_neck_and_a_raised_arm_lies_on_the_shoulder(shirt: Shirt) -> None:
+    """The arm's muscle stands higher there than the cloth beside it."""
+    limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
+    shoulders = Shoulders.of(limbs, shirt.points, shirt.triangles, shirt.skeleton)
+    higher = replace(shoulders, skin={arm: 1.9 * top for arm, top in shoulders.skin.items()})
+    assert higher.placed == [RIGHT_ARM, LEFT_ARM]
+    assert higher.slipped(shirt.points, shirt.triangles) == ()
+
+
+def test_only_cloth_on_the_shoulder_tells_how_high_a_garment_is(shirt: Shirt) -> None:
+    """Not the lower half of a sleeve, beside a strap that is narrow."""
+    limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
+    skeleton = shirt.skeleton
+    roots = [skeleton.curves[arm][skeleton.joints[arm]] for arm in (RIGHT_ARM, LEFT_ARM)]
+    width, root = float((roots[1] - roots[0]) @ skeleton.left) / 2.0, float(np.mean(roots, axis=0) @ skeleton.up)
+    aside = np.abs((shirt.points - skeleton.middle) @ skeleton.left)
+    off = (aside > 0.75 * width) & (shirt.points @ skeleton.up > root)
+    narrow = shirt.triangles[~off[shirt.triangles].any(axis=1)]
+    whole = height_over_shoulders(limbs, shirt.points, shirt.triangles, skeleton)
+    assert height_over_shoulders(limbs, shirt.points, narrow, skeleton) == pytest.approx(whole, abs=0.02)
+
+
+def test_straps_are_tugged_inwards_along_the_shoulders_until_they_lie_there(shirt: Shirt) -> None:
+    limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
+    shoulders = Shoulders.of(limbs, shirt.points, shirt.triangles, shirt.skeleton)
+    assert tugged(shoulders, shirt.points, shirt.triangles) is None, "they lie there"
+    aside = np.sign((shirt.points - shirt.skeleton.middle) @ shirt.skeleton.left)
+    worn, steps = shirt.points + 0.08 * aside[:, None] * shirt.skeleton.left, 0
+    off = [strap.off for strap in shoulders.straps(worn, shirt.triangles)]
+    assert len(off) == 2
+    assert min(off) > 0.02
+    while (moved := tugged(shoulders, worn, shirt.triangles)) is not None:
+        step = np.linalg.norm(moved - worn, axis=1)
+        low = (worn - shirt.skeleton.shoulders) @ shirt.skeleton.up < -0.3
+        assert step.max() < TUG + 1e-9, "little by little"
+        assert not step[low].any()
+        worn, steps = moved, steps + 1
+        assert steps < 30
+    assert steps > 1
 
 
 def test_shapes_are_given_as_arrays_files_or_fits(shirt: Shirt) -> None:

@@ -80,6 +80,20 @@ def test_three_panels_are_sewn_at_one_seam(stitches: list[Any]) -> None:
     assert area_of(mesh) == pytest.approx(0.27, rel=SAME)
 
 
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
+def test_four_panels_sewn_each_to_the_next_are_layers_of_one_seam(order: tuple[int, ...]) -> None:
+    panels = {name: square(30, translation=[30, 0, k]) for k, name in enumerate("bcd")}
+    stitches = [("a", 1, "b", 3), ("b", 3, "c", 3), ("c", 3, "d", 3)]
+    mesh = sewn({"a": square(), **panels}, [stitches[k] for k in order])
+    assert sides_at(mesh)[4] == 20
+    assert area_of(mesh) == pytest.approx(0.36, rel=SAME)
+
+
+def test_a_dart_may_be_stated_twice() -> None:
+    stitches = [("back", 4, "back", 7), ("back", 5, "back", 6), ("back", 7, "back", 4)]
+    assert topology(sewn({"back": fish_eye()}, stitches)) == (1, 1)
+
+
 def test_a_stitch_of_three_sides_sews_three_panels() -> None:
     panels = {name: square(30, translation=[x, 0, z]) for name, x, z in (("a", 0, 0), ("b", 30, 0), ("c", 30, 2))}
     tree = json.loads(specification(panels, []))

@@ -11,7 +11,7 @@ import warp as wp
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.block import CACHE_LINE
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.contact.closest_points import NOTHING, on_edges_function, on_triangle_function
+from warp_cloth.kernels.math.closest_points import NOTHING, on_edges_function, on_triangle_function
 from warp_cloth.kernels.math.real import inner, root, scaled_sum
 
 # Sums are integers of these units: integers add up to the same in any order, so pairs may be found and summed in any.

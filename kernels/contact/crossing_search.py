@@ -28,9 +28,9 @@ from warp_cloth.kernels.contact.broad_phase import (
     search_context_function,
     walk_groups_function,
 )
-from warp_cloth.kernels.contact.closest_points import nearest_on_triangle
 from warp_cloth.kernels.contact.search import SLACK, ContactSearch, least_box_margin, vertex_group_box
 from warp_cloth.kernels.contact.untangle import Untangling, distance_key, separate_crossing
+from warp_cloth.kernels.math.closest_points import nearest_on_triangle
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 

@@ -19,7 +19,6 @@ from warp_cloth.kernels.contact.arrays import (
     pair_fabric,
     separation_function,
 )
-from warp_cloth.kernels.contact.closest_points import parallel_functions
 from warp_cloth.kernels.contact.displacement_bounds import advance_bounds, block_pair_path
 from warp_cloth.kernels.contact.narrow_phase_queue import (
     ROUNDS,
@@ -33,6 +32,7 @@ from warp_cloth.kernels.contact.narrow_phase_queue import (
 from warp_cloth.kernels.contact.sums import add_functions, lower_step_limit
 from warp_cloth.kernels.laws.friction import friction_slide
 from warp_cloth.kernels.laws.squeeze import squeeze_energy, squeeze_force, squeeze_stiffness
+from warp_cloth.kernels.math.closest_points import parallel_functions
 from warp_cloth.kernels.math.real import inner, quotient, root, scaled_sum
 from warp_cloth.kernels.patches.packing import order_functions
 

@@ -9,9 +9,9 @@ from warp_cloth.kernels.base.access import position_of
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import NEVER, ContactData, tagged_path
 from warp_cloth.kernels.contact.broad_phase import Candidates, clear_candidates
-from warp_cloth.kernels.contact.closest_points import NOTHING, WHOLE, nearest_on_triangle
 from warp_cloth.kernels.contact.crossing import segment_pierces, volume
 from warp_cloth.kernels.contact.search import ContactSearch
+from warp_cloth.kernels.math.closest_points import NOTHING, WHOLE, nearest_on_triangle
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 

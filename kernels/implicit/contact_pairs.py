@@ -26,10 +26,10 @@ from warp_cloth.kernels.contact.arrays import (
     pair_thickness,
     separation_function,
 )
-from warp_cloth.kernels.contact.closest_points import parallel_functions
 from warp_cloth.kernels.contact.force import STICK_FRACTION, nearness
 from warp_cloth.kernels.contact.pairs import next_slot
 from warp_cloth.kernels.laws.squeeze import squeeze_force, squeeze_stiffness
+from warp_cloth.kernels.math.closest_points import parallel_functions
 from warp_cloth.kernels.math.real import inner, quotient, scaled_sum
 from warp_cloth.kernels.math.symmetric import multiple_of_unit, outer, symmetric_times
 from warp_cloth.kernels.passes.step import NoClothContact

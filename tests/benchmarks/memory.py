@@ -66,7 +66,7 @@ def main() -> None:
     )
     print(f"{outcome.status.value} after {outcome.iterations:,} iterations, {outcome.seconds:.2f} s")
     tell("relaxed", whole - 1e-9 * planned["report"])
-    finish_fits(problem, [Course(tuple(finished_runs(problem, [outcome], [()])))], clock=StageClock())
+    finish_fits([Course(tuple(finished_runs(problem, [outcome], [()])))], clock=StageClock())
     tell("reported", whole)
     with figures:  # writes them
         print(f"{time.perf_counter() - began:.1f} s in all")

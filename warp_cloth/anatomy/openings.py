@@ -17,10 +17,12 @@ RINGS = 4  # of cloth behind an opening, where the cloth is a tube: a hand may e
 LATERAL = 0.045  # of the body's span, from its middle: an opening farther off is for one limb
 HEM = 0.7  # girth of a hem over a sleeve's, at least; a keyhole is smaller
 PAIR = 0.95  # girth over the largest one's, of an opening that is its like on the other side
+TALL = 0.5  # of a garment's height, of an opening from its neck to its hem
 BESIDE = 0.08  # of the body's span: a garment that is farther to one side is beside the body
 
 LEGS, ARMS = (RIGHT_LEG, LEFT_LEG), (RIGHT_ARM, LEFT_ARM)
 Limbs = tuple[int, ...]
+OPEN: Limbs = tuple(sorted((HEAD, *LEGS)))  # what an opening from neck to hem is for
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,8 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
     Of openings on one side the lower of two is for the leg; a single one is for the leg if nothing opens below it in
     the middle, nor are there a neckline and a hem, as sleeves hang lower than a short one. In the middle, the highest
     opening above sleeves is for the head; others are for both legs, but a cape, which opens above the shoulders and has
-    no sleeves, hangs from the head's opening alone.
+    no sleeves, hangs from the head's opening alone. What is open in front has one opening in the middle, from neck to
+    hem, beside those of its sleeves.
     """
     centres = np.array([points[opening.loop].mean(axis=0) for opening in openings]) - skeleton.middle
     across, up = centres @ skeleton.left, centres @ skeleton.up
@@ -89,6 +92,8 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
     if abs(aside) > BESIDE * skeleton.span:
         across = across - aside
     in_middle = [n for n in range(len(openings)) if abs(across[n]) <= LATERAL * skeleton.span]
+    if _is_open_in_front(openings, points, skeleton, in_middle):
+        return [OPEN if n in in_middle else ARMS[int(across[n] > 0.0) :][:1] for n in range(len(openings))]
     found: dict[int, Limbs] = {}
     for side, arm, leg in ((-1.0, RIGHT_ARM, RIGHT_LEG), (1.0, LEFT_ARM, LEFT_LEG)):
         beside = [n for n in range(len(openings)) if n not in in_middle and side * across[n] > 0.0]
@@ -107,3 +112,16 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
         for_head = place == 0 and sleeves
         found[number] = (HEAD,) if is_cape else (HEAD, *sorted(set(ARMS) - sleeves)) if for_head else LEGS
     return [found.get(number, ()) for number in range(len(openings))]
+
+
+def _is_open_in_front(
+    openings: Sequence[Opening], points: Points, skeleton: Skeleton, in_middle: Sequence[int]
+) -> bool:
+    """Whether a garment has no opening but one in the middle, tall and the largest, and one on either side at most."""
+    if len(in_middle) != 1 or not 2 <= len(openings) <= 3:
+        return False
+    up = points @ skeleton.up
+    centres = [points[openings[n].loop].mean(axis=0) for n in range(len(openings)) if n not in in_middle]
+    sides = {bool((centre - points.mean(axis=0)) @ skeleton.left > 0.0) for centre in centres}
+    is_tall = float(np.ptp(up[openings[in_middle[0]].loop])) > TALL * float(np.ptp(up))
+    return is_tall and in_middle[0] == 0 and len(sides) == len(centres)

@@ -11,7 +11,7 @@ from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.openings import ARMS, Limbs
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, Skeleton, outward_of
 from warp_cloth.base.mesh import Indices, Points
-from warp_cloth.base.section import segments_at
+from warp_cloth.base.section import section_at, segments_at
 
 # Distances from the middle of the body, across and up from the root of an arm, over that of the root.
 EDGE = (0.7, 0.95)  # where the top of the shoulder is measured
@@ -20,12 +20,16 @@ NEAR_PLANE = 0.25  # that far before and behind the root
 ON_TOP = 0.56
 BEGAN = 0.5  # the same where a garment starts, perhaps a little low
 ON_ARM = 1.25  # cloth that begins so far out lies on the arm, however that is raised
+# Cloth that begins so near the neck lies on the shoulder, however low: between the neck and a raised arm is a hollow.
+BY_NECK = 0.75
 # A garment has slipped to one side where it begins so far out on that side, and so near the middle on the other one,
 # and began about alike.
 OUTSIDE, INSIDE, ALIKE = 0.95, 0.5, 0.25
 # Panels start with their shoulder seams a little below the skin, since these are drawn straight: 1 to 4 cm.
 SEAM = 0.025  # [m]
 ACROSS = np.linspace(0.5, 0.9, 9)  # from the middle, over that of the root: where it is measured
+FARTHER = np.linspace(0.95, 1.1, 4)  # the same, of straps that are farther out
+LAID = (0.5, 0.7)  # the same: straps are laid between these, as near as can be to where they were placed
 LOW = 0.3  # [m] below the skin: cloth so far down is no shoulder's
 
 
@@ -35,6 +39,15 @@ class Cover:
 
     inner: float  # inf: there is none above the arm's root
     top: float  # -inf: there is none on this side
+
+
+@dataclass(frozen=True, eq=False)
+class Strap:
+    """Cloth over one shoulder that lies too far out."""
+
+    place: Points  # of its highest point in the frontal plane [m], shape [3]
+    inwards: Points  # the way from there to the top of the shoulder, of length 1, shape [3]
+    off: float  # how far it is too far out [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,17 +72,35 @@ class Shoulders:
         begun = {arm: side.cover(start, triangles) for arm, side in sides.items()}
         return cls(sides, begun, {arm: side.skin_top(skeleton.skin) for arm, side in sides.items()})
 
+    @property
+    def placed(self) -> list[int]:
+        """The arms whose shoulder the garment lay over."""
+        begun, skin = self.begun, self.skin
+        return [arm for arm in self.sides if begun[arm].inner < 1.0 and begun[arm].top > BEGAN * skin[arm]]
+
     def slipped(self, worn: Points, triangles: Indices) -> tuple[int, ...]:
         """The arms whose shoulder the garment has slipped off, with its points as worn [m], shape [V, 3]."""
         begun, skin, now = self.begun, self.skin, {}
-        lay = [arm for arm in self.sides if begun[arm].inner < 1.0 and begun[arm].top > BEGAN * skin[arm]]
-        if lay:
+        if lay := self.placed:
             now = {arm: side.cover(worn, triangles) for arm, side in self.sides.items()}
-        slipped = [arm for arm in lay if now[arm].inner > ON_ARM or now[arm].top < ON_TOP * skin[arm]]
+        slipped = [arm for arm in lay if not _lies(now[arm], skin[arm])]
         if not slipped and len(lay) == 2 and abs(begun[RIGHT_ARM].inner - begun[LEFT_ARM].inner) < ALIKE:
             outer, inner = sorted(self.sides, key=lambda arm: -now[arm].inner)
             slipped = [outer] if now[outer].inner > OUTSIDE and now[inner].inner < INSIDE else []
         return tuple(slipped)
+
+    def straps(self, worn: Points, triangles: Indices) -> list[Strap]:
+        """The cloth over each shoulder that lies too far out, at ``worn`` [m], shape [V, 3]."""
+        found = []
+        for arm in self.placed:
+            side, target = self.sides[arm], float(np.clip(self.begun[arm].inner, *LAID))
+            inner, highest = side.cover(worn, triangles).inner, side.highest(worn, triangles)
+            if highest is None or not (inner := min(inner, float(highest[0]))) > target:
+                continue
+            way = np.array([target - inner, self.skin[arm] - float(highest[1])])
+            inwards = side.direction(way / float(np.linalg.norm(way)))
+            found.append(Strap(side.place(highest), inwards, (inner - target) * side.width))
+        return found
 
 
 def height_over_shoulders(limbs: Sequence[Limbs], points: Points, triangles: Indices, skeleton: Skeleton) -> float:
@@ -80,16 +111,23 @@ def height_over_shoulders(limbs: Sequence[Limbs], points: Points, triangles: Ind
     heights = []
     for arm in _with_shoulders(limbs):
         side = _Side(skeleton, arm)
-        gaps = side.tops(points, triangles) - side.skin_tops(skeleton.skin)
-        gaps = gaps[gaps * side.width > -LOW]  # also not where there is none, nan
-        if len(gaps):
-            heights.append(float(gaps.min()) * side.width + SEAM)
+        for across in (ACROSS, FARTHER):
+            gaps = side.tops(points, triangles, across) - side.skin_tops(skeleton.skin, across)
+            gaps = gaps[gaps * side.width > -LOW]  # also not where there is none, nan
+            if len(gaps):
+                heights.append(float(gaps.min()) * side.width + SEAM)
+                break
     return sum(heights) / len(heights) if heights else 0.0
 
 
 def _with_shoulders(limbs: Sequence[Limbs]) -> list[int]:
     """The arms with an opening of their own, beside one for the head: other garments need not lie on a shoulder."""
     return [arm for arm in ARMS if (arm,) in limbs and any(HEAD in each and arm not in each for each in limbs)]
+
+
+def _lies(cover: Cover, skin: float) -> bool:
+    """Whether cloth lies on a shoulder whose top is that high."""
+    return cover.inner < BY_NECK or (cover.inner <= ON_ARM and cover.top >= ON_TOP * skin)
 
 
 class _Side:
@@ -111,28 +149,52 @@ class _Side:
         above = own[own[:, 1] > 0.0]
         return Cover(float(above[:, 0].min(initial=np.inf)), float(own[:, 1].max(initial=-np.inf)))
 
+    def highest(self, points: Points, triangles: Indices) -> Floats | None:
+        """Where the cloth in the frontal plane through the root is highest, shape [2]; None: there is none."""
+        here = (points - self._middle) @ self._axes - self._root
+        ends = segments_at(here[:, 2], here[:, :2], triangles).reshape(-1, 2)
+        own = ends[ends[:, 0] > 0.0]
+        return own[int(own[:, 1].argmax())] if len(own) else None
+
+    def place(self, here: Floats) -> Points:
+        """A place of the frontal plane through the root [m], shape [3]."""
+        coordinates = np.array([here[0], here[1], 0.0]) + self._root
+        place: Points = self._middle + self.width**2 * self._axes @ coordinates
+        return place
+
+    def direction(self, here: Floats) -> Points:
+        """A direction in that plane, shape [3]."""
+        way: Points = self.width * self._axes[:, :2] @ here
+        return way
+
     def skin_top(self, body: Points) -> float:
         """How high the shoulder's top lies above the root; -inf where no vertex is near."""
         here = (body - self._middle) @ self._axes - self._root
         is_near = (here[:, 0] > EDGE[0]) & (here[:, 0] < EDGE[1]) & (np.abs(here[:, 2]) < NEAR_PLANE)
         return float(here[is_near, 1].max(initial=-np.inf))
 
-    def tops(self, points: Points, triangles: Indices) -> Floats:
-        """The highest cloth at each of ACROSS, in the frontal plane through the root; nan: there is none."""
+    def tops(self, points: Points, triangles: Indices, columns: Floats) -> Floats:
+        """How high the cloth on the shoulder reaches at these distances across, in that plane; nan: there is none.
+
+        That is the part of the section that reaches highest there: another one lies below the arm.
+        """
         here = (points - self._middle) @ self._axes - self._root
-        ends = segments_at(here[:, 2], here[:, :2], triangles)
-        across, up = ends[:, :, 0], ends[:, :, 1]
+        section = section_at(here[:, 2], here[:, :2], triangles)
+        across, up = section.ends[:, :, 0], section.ends[:, :, 1]
         spans = across[:, 1] - across[:, 0]
-        along = (ACROSS[:, None] - across[:, 0]) / np.where(spans == 0.0, np.inf, spans)
+        along = (columns[:, None] - across[:, 0]) / np.where(spans == 0.0, np.inf, spans)
         heights = np.where(
             (along >= 0.0) & (along <= 1.0) & (spans != 0.0), up[:, 0] + along * (up[:, 1] - up[:, 0]), -np.inf
         )
-        found = heights.max(axis=1, initial=-np.inf)
+        if not np.isfinite(heights).any():
+            return np.full(len(columns), np.nan)
+        highest = section.part[int(heights.max(axis=0).argmax())]
+        found = heights[:, section.part == highest].max(axis=1)
         return np.where(np.isfinite(found), found, np.nan)
 
-    def skin_tops(self, body: Points) -> Floats:
-        """How high the skin reaches at each of ACROSS."""
+    def skin_tops(self, body: Points, columns: Floats) -> Floats:
+        """How high the skin reaches at these distances across."""
         here = (body - self._middle) @ self._axes - self._root
         near = here[np.abs(here[:, 2]) < NEAR_PLANE]
-        width = ACROSS[1] - ACROSS[0]
-        return np.array([near[np.abs(near[:, 0] - place) < width, 1].max(initial=-np.inf) for place in ACROSS])
+        width = columns[1] - columns[0]
+        return np.array([near[np.abs(near[:, 0] - place) < width, 1].max(initial=-np.inf) for place in columns])

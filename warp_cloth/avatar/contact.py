@@ -97,7 +97,7 @@ def followed(exact: ExactCollider, surface: Points, cloth: Points) -> Points:
 
     It follows the surface near it, and less the farther it is off.
     """
-    near = exact.closest(cloth)
+    near = exact.closest(cloth, exact=STAYS)
     away = np.linalg.norm(cloth - near.points, axis=1)
     fraction = np.clip((STAYS - away) / (STAYS - FOLLOWS), 0.0, 1.0)
     displacement = np.einsum("ij,ijk->ik", near.weights, (surface - exact.avatar.points)[near.corners])

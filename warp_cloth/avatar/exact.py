@@ -14,6 +14,7 @@ from warp_cloth.avatar.depth import DEFAULT_REACH, sampled
 from warp_cloth.base.bins import consecutive_bins
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.kernels.avatar import closest as kernels
+from warp_cloth.kernels.avatar.nearest_face import Surface, choose_nearest_faces
 from warp_cloth.model.result import Penetration
 
 FARTHEST = 1e6  # [m]; across any avatar
@@ -56,22 +57,26 @@ class ExactCollider:
         near = (points - np.array(self.collider.origin)).astype(np.float32)
         return wp.array(near, dtype=wp.vec3f, device=self.device)
 
-    def closest(self, points: Points) -> Closest:
-        """The surface nearest to points [m], shape [N, 3], however far."""
+    def closest(self, points: Points, *, exact: float = 0.0) -> Closest:
+        """The surface nearest to points [m], shape [N, 3], however far; all finite.
+
+        Nearer than ``exact`` [m] it has the same bits on all devices; farther off, between triangles about as near.
+        """
         queries = self.local(points)
-        found = wp.zeros_like(queries)
-        face = wp.empty(len(queries), dtype=wp.int32, device=self.device)
-        weights = wp.zeros_like(queries)
-        wp.launch(
-            kernels.find_closest,
-            dim=len(queries),
-            inputs=[self.mesh.id, queries],
-            outputs=[found, face, weights],
-            device=self.device,
-        )
-        corners = self.mesh.indices.numpy().reshape(-1, 3)[face.numpy()]
-        place = found.numpy().astype(np.float64) + np.array(self.collider.origin)
-        return Closest(place, corners, weights.numpy().astype(np.float64))
+        rough, unused = wp.empty_like(queries), wp.empty_like(queries)
+        found = wp.empty(len(queries), dtype=wp.int32, device=self.device)
+        face, weights = wp.empty_like(found), wp.zeros(len(queries), dtype=wp.vec3d, device=self.device)
+        find = [self.mesh.id, queries], [rough, found, unused]
+        wp.launch(kernels.find_closest, dim=len(queries), inputs=find[0], outputs=find[1], device=self.device)
+        corners, places = self.mesh.indices.numpy().reshape(-1, 3), wp.array(points, dtype=wp.vec3d, device=self.device)
+        surface = Surface()
+        surface.mesh, surface.origin = self.mesh.id, self.collider.origin
+        surface.points = wp.array(self.avatar.points, dtype=wp.vec3d, device=self.device)
+        surface.corners = wp.array(corners, dtype=wp.vec3i, device=self.device)
+        choose = [surface, exact, places, found], [face, weights]
+        wp.launch(choose_nearest_faces, dim=len(queries), inputs=choose[0], outputs=choose[1], device=self.device)
+        on, corners = weights.numpy(), corners[face.numpy()]
+        return Closest(np.einsum("ij,ijk->ik", on, self.avatar.points[corners]), corners, on)
 
     def within(self, distance: float) -> ExactCollider:
         """The same mesh, with distances up to this one inside and outside [m]."""

@@ -67,6 +67,11 @@ class LoadCache:
         self.mesh_cache, self.cache = MeshCache(), Cache()
         self.fresh = True  # nothing has been fitted in this process
 
+    @property
+    def spare_cores(self) -> int:
+        """Cores that this worker's loaders leave idle once all is loaded."""
+        return self.loaders.count
+
     def begin(self, scenes: Sequence[Scene], *, patches: bool, shared: Path | None = None) -> None:
         """Starts loading what scenes need (see Loaders.begin); tasks are submitted before this process imports more."""
         self.loaders.begin(self.mesh_cache, scenes, patches=patches, shared=shared).join()
@@ -88,7 +93,7 @@ class Loaders:
     """
 
     def __init__(self, count: int, *, fork: bool = False, rank: int = 0) -> None:
-        self._count = count
+        self.count = count
         self._pool: ProcessPoolExecutor | None = None
         self._changed = threading.Condition()
         self._open = 0  # tasks submitted whose results are not yet taken
@@ -121,7 +126,7 @@ class Loaders:
         ``cache``, if given, receives the garments' patches. ``meanwhile`` runs here while loaders work, and
         ``idle_work`` if they still do afterwards.
         """
-        if not self._count:
+        if not self.count:
             return
         submitting = self._submitting or self.begin(mesh_cache, scenes, patches=cache is not None)
         self._submitting = None
@@ -138,7 +143,7 @@ class Loaders:
         self._waiting.clear()
         if self._broken is not None:
             log.warning("loader processes have died: %s", self._broken)
-            self._count, self._pool, self._broken = 0, None, None
+            self.count, self._pool, self._broken = 0, None, None
 
     def begin(
         self, mesh_cache: MeshCache, scenes: Sequence[Scene], *, patches: bool, shared: Path | None = None
@@ -157,12 +162,12 @@ class Loaders:
         self, mesh_cache: MeshCache, scenes: Sequence[Scene], patches: bool, shared: Path | None
     ) -> None:
         """Submits what the cache lacks, each thing once."""
-        if not self._count:
+        if not self.count:
             return
         orders = orders_of(mesh_cache, scenes, patches)
         if not orders or (self._pool is None and sum(order.count for order in orders) < LEAST_WORK):
             return
-        for bundle in bundles(orders, self._count):
+        for bundle in bundles(orders, self.count):
             self._submit(load_meshes, bundle, shared, then=partial(self._submit_rest_shapes, bundle, shared))
 
     def close(self) -> None:
@@ -254,5 +259,5 @@ class Loaders:
 
     def _started(self) -> ProcessPoolExecutor:
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(self._count, process_context(), initializer=start_single_threaded)
+            self._pool = ProcessPoolExecutor(self.count, process_context(), initializer=start_single_threaded)
         return self._pool

@@ -20,7 +20,7 @@ from warp_cloth.batch.gpu_queue import GpuLease
 from warp_cloth.batch.loading import LoadCache
 from warp_cloth.batch.memory import MemoryNeed, available_bytes, grouped_by_avatar, memory_need, split_to_fit
 from warp_cloth.batch.warm_kernels import load_kernels
-from warp_cloth.fitting.attempts import Course, finished_runs, relax_alone, relax_problem, tried_further
+from warp_cloth.fitting.attempts import finished_runs, relax_alone, relax_problem, tried_further
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.fitting.measured_maps import with_maps
@@ -91,7 +91,8 @@ def fit_many(
 
     def run(numbers: Sequence[int]) -> list[Fit]:
         some, outfits = [chosen[n] for n in numbers], [loaded[n] for n in numbers]
-        return _fit_together(some, outfits, name, cache, GpuLease(lease), map_names)
+        copies = 0 if load_cache is None else load_cache.spare_cores
+        return _fit_together(some, outfits, name, cache, GpuLease(lease), copies, map_names)
 
     for numbers in kinds.values():
         needs = _memory_needs([chosen[n] for n in numbers], [loaded[n] for n in numbers], gpu)
@@ -149,9 +150,10 @@ def _fit_together(
     device: str,
     cache: Cache,
     lease: GpuLease,
+    copies: int = 0,
     map_names: Sequence[str] = (),
 ) -> list[Fit]:
-    """Relaxes scenes of one kind together."""
+    """Relaxes scenes of one kind together, and measures them in so many copies of this process."""
     clock = StageClock()
     problem = build_problem(scenes, outfits, device, cache=cache, clock=clock)
     predrape = build_predrape(problem, cache, clock)
@@ -167,18 +169,12 @@ def _fit_together(
     with lease:
         outcomes = relax_problem(problem, lease.release_early)
     clock.lap("relax")
-    firsts = finished_runs(problem, outcomes, levels)
+    firsts = finished_runs(problem, outcomes, levels, copies=copies)
     clock.lap("measure")
     begin = partial(prepare_start, cache=cache, clock=clock)
     courses = [tried_further(first, begin, relax_alone, cache=cache, clock=clock) for first in firsts]
-    here = [course.best is first for course, first in zip(courses, firsts, strict=True)]
-    of_problem = [
-        course if is_here else Course((first,)) for course, first, is_here in zip(courses, firsts, here, strict=True)
-    ]
-    results = finish_fits(problem, of_problem, clock=clock)
+    results = finish_fits(courses, clock=clock, copies=copies)
     for item, course in enumerate(courses):
-        if not here[item]:
-            (results[item],) = finish_fits(course.best.problem, [course], clock=clock)
         possible = [name for name in map_names if scenes[item].avatar is not None or not MAPS[name].needs_avatar]
         if possible:
             run = course.best

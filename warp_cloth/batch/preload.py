@@ -7,7 +7,7 @@ import gc
 from importlib import import_module
 
 gc.disable()
-for name in ("warp_cloth.batch.worker", "warp_cloth.batch.task", "warp_cloth.batch.loading"):
-    import_module(name)
+for name in ("batch.worker", "batch.task", "batch.loading", "pattern"):
+    import_module(f"warp_cloth.{name}")
 gc.freeze()
 gc.enable()

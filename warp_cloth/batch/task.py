@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from warp_cloth.base.errors import OVERRIDE, InputError, OutputError
 from warp_cloth.base.warp_setup import start_warp
@@ -124,14 +124,39 @@ class _TaskRun:
         return scene
 
     def _fitted(self, scenes: Sequence[tuple[Item, Scene]]) -> list[ItemResult]:
+        from warp_cloth.base.forks import map_in_forks
         from warp_cloth.batch.many import fit_many
         from warp_cloth.batch.memory import available_bytes
+        from warp_cloth.fitting.fit import Fit
 
         device = self._task.device
         budget = available_bytes(device, self._task.fraction)
         every = [scene for _, scene in scenes]
         fits = fit_many(every, device, budget=budget, load_cache=self._load_cache, lease=self._task.lease)
+        copies = 0 if self._load_cache is None else self._load_cache.spare_cores
+        for fit, girths in zip(fits, map_in_forks(self._girths, fits, copies), strict=True):
+            if isinstance(fit, Fit):
+                fit.report.update(girths)
         return [self._result(item, fit) for (item, _), fit in zip(scenes, fits, strict=True)]
+
+    def _girths(self, fit: Fit | Exception) -> dict[str, Any]:
+        """What a fit's report is to say of girths; nothing where they cannot be measured."""
+        try:
+            if isinstance(fit, Exception):
+                return {}
+            known = set(fit.report)
+            self._add_girths(fit)
+            return {key: fit.report[key] for key in fit.report.keys() - known}
+        except Exception:
+            return {}  # storing the fit tries again, and says why
+
+    def _add_girths(self, fit: Fit) -> None:
+        from warp_cloth.maps.measure import MeasuredBody, add_girths
+
+        if self._task.store.ease and fit.avatar is not None:
+            if self._body is None or self._body.avatar is not fit.avatar:
+                self._body = MeasuredBody.of(fit.avatar)
+            add_girths(fit, self._body)
 
     def _result(self, item: Item, fit: Fit | Exception) -> ItemResult:
         try:
@@ -143,13 +168,8 @@ class _TaskRun:
 
     def _stored(self, item: Item, fit: Fit) -> ItemResult:
         """Writes an item's stage, or returns its points to be packed."""
-        from warp_cloth.maps.measure import MeasuredBody, add_girths
-
         store = self._task.store
-        if store.ease and fit.avatar is not None:
-            if self._body is None or self._body.avatar is not fit.avatar:
-                self._body = MeasuredBody.of(fit.avatar)
-            add_girths(fit, self._body)
+        self._add_girths(fit)
         if store.keep == "stages":
             from warp_cloth.export.stage import write_stage
 

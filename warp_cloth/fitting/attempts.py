@@ -13,6 +13,7 @@ from warp_cloth.avatar.padding import padded
 from warp_cloth.avatar.penetration import VISIBLE, Overlap
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
+from warp_cloth.base.forks import map_in_forks
 from warp_cloth.base.threads import concatenate
 from warp_cloth.contact.garments import GarmentCrossings, model_crossings, worn_crossings
 from warp_cloth.fitting.overlap import avatar_overlaps
@@ -47,6 +48,11 @@ class Run:
     @property
     def attempt(self) -> Attempt:
         return self.problem.attempts[self.item]
+
+    @property
+    def outfit(self) -> Outfit:
+        """The garments as they started, and their avatar."""
+        return self.problem.outfits[self.item]
 
     @property
     def ended(self) -> Ended:
@@ -100,8 +106,13 @@ class Course:
         ]
 
 
-def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequence[tuple[LevelRun, ...]]) -> list[Run]:
-    """The runs of a problem's items, with what is measured of them to decide whether they have ended well."""
+def finished_runs(
+    problem: Problem, outcomes: Sequence[Outcome], levels: Sequence[tuple[LevelRun, ...]], *, copies: int = 0
+) -> list[Run]:
+    """The runs of a problem's items, with what is measured of them to decide whether they have ended well.
+
+    ``copies``: of this process, that measure some items each, at most.
+    """
     model, worn, crossings = problem.model, [outcome.points for outcome in outcomes], end_crossings(problem, outcomes)
     every_strain = edge_strains(model)
     strains = [every_strain[model.of_item(item, model.edge_start)] for item in range(len(outcomes))]
@@ -116,7 +127,7 @@ def finished_runs(problem: Problem, outcomes: Sequence[Outcome], levels: Sequenc
         return LimbPlacement.of(outfit, outcome.points)
 
     # not in threads: many short calls of NumPy wait for Python's lock, on 16 cores ten times as long as they take
-    placements = [placement_of(item) for item in range(len(outcomes))]
+    placements = map_in_forks(placement_of, range(len(outcomes)), copies)
     return [
         Run(
             problem,
@@ -160,10 +171,10 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         worn_by = outfit if attempt.begins_after is None else _worn_after(runs[attempt.begins_after], attempt.paddings)
         problem = build_problem([attempt], [worn_by], device, cache=cache, clock=clock)
         levels: tuple[LevelRun, ...] = ()
-        if attempt.begins_after is None:
-            levels = begin(problem)
-        else:
+        if attempt.begins_after is not None:
             start_where_left(problem, runs[attempt.begins_after].outcome)
+        if attempt.begins_after is None or attempt.thins:
+            levels = begin(problem)
         clock.begin("relax")
         outcome = relax(problem)
         clock.lap("relax")

@@ -230,7 +230,7 @@ def fit_loaded(
 
     def begin(problem: Problem) -> tuple[LevelRun, ...]:
         """Brings the garments to where every attempt starts: the earlier result, if there is one."""
-        if earlier is None or problem.attempts[0].posed:
+        if earlier is None or problem.attempts[0].posed or problem.attempts[0].thins:
             return prepare_start(problem, cache, clock, watched)
         if not start_from(problem, earlier):
             place = start if isinstance(start, str | Path) else "start"
@@ -248,7 +248,7 @@ def fit_loaded(
     course = tried_further(first, begin, relax, cache=cache, clock=clock)
     problem = course.best.problem
     report_progress(Progress("measure"))
-    (result,) = finish_fits(problem, [course], clock=clock, frames=frames, dressings=watched or ())
+    (result,) = finish_fits([course], clock=clock, frames=frames, dressings=watched or ())
     result = with_maps(result, map_names, problem) if map_names else result
     clock.lap("measure")
     if band:

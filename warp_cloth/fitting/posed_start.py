@@ -22,8 +22,9 @@ from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.dressing.panels import parted
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
+from warp_cloth.dressing.straps import tugged
+from warp_cloth.fitting.body_collider import BodyCollider
 from warp_cloth.fitting.film import DressedShape, Dressing
-from warp_cloth.fitting.moving_body import BodyCollider
 from warp_cloth.fitting.problem import Problem, build_problem
 from warp_cloth.garment.outfit import Outfit, garments_in
 from warp_cloth.material.fabric import Fabric
@@ -50,6 +51,7 @@ THIN = 0.03  # [m]; what the body has at most around its curves while it is with
 THICK = 0.25  # [m]; what it has just before it is whole
 SEWING = 1500  # iterations at most
 CHECK = 100  # iterations between looks at the seams, or at what falls
+UNTANGLING = 2000  # iterations at most of cloth that crosses, round a thin body
 SEWN = 0.2  # strain of the edges of seams that have closed
 STEPS = 24  # from there home
 POSED_FOR = 0.5  # fraction of the steps after which all limbs are home; then they only grow
@@ -59,6 +61,7 @@ PULL = 0.01  # [m] that these are pulled up in a burst; cloth that moves by more
 PULLS = 60  # at most
 NEAR = 0.003  # [m] from where they are pulled to
 BELOW_CROTCH = 0.03  # [m] that they stay under the body's crotch, where growing thighs would pinch them
+TUGS = 30  # at most, with which straps are laid on the shoulders
 LOWERING_STEPS = 40  # in which a garment that starts above the shoulders comes down onto them
 GROWTH = 2.0  # exponent of the thickness over the steps: slow while limbs move
 GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
@@ -110,6 +113,33 @@ def start_posed(
     return tuple(start.run for start in starts)
 
 
+def start_thinned(problem: Problem, clock: StageClock) -> tuple[LevelRun, ...]:
+    """Untangles a lone scene's garments where they lie on the body; returns the relaxations of each.
+
+    What lies on a body is drawn over it, and folds that pass through each other stay. So the body is thinned within
+    the garment, the cloth untangles as the light sheet that is sewn, and the body grows again.
+    """
+    (scene,), (outfit,) = problem.scenes, problem.loaded
+    worn, device, runs, first, parts = problem.model.points(), str(problem.model.device), [], 0, []
+    for index, garment in enumerate(outfit.garments):
+        own = worn[first : (first := first + len(garment.points))]
+        scene_alone, outfit_alone = _alone(scene, outfit, index)
+        offset = OFFSET + index * LAYER
+        dressing = _Dressing(scene_alone, outfit_alone, device, offset, clock, lifted=False, watching=False, worn=own)
+        dressing.untangle()
+        dressing.grow(GROWING_STEPS, posed=0.0)
+        dressing.come_home()
+        end = dressing.ended()
+        runs.append(end.run)
+        parts.append(own if end.points is None else end.points)
+    points = np.concatenate(parts)
+    problem.model.set_points(points)
+    if not problem.contact.covers(points):
+        problem.relaxation.set_collider(0, problem.contact.collider(points))
+    clock.lap("dress")
+    return tuple(runs)
+
+
 def _alone(scene: Scene, outfit: Outfit, index: int) -> tuple[Scene, Outfit]:
     """A scene with only one of its garments."""
     one = slice(index, index + 1)
@@ -134,6 +164,7 @@ def _sewn_and_carried(
         dressing.lower()
     else:
         _carry(dressing, lifted)
+    dressing.lay_straps()
     dressing.come_home()
     return dressing.ended()
 
@@ -163,27 +194,21 @@ class _Dressing:
         *,
         lifted: bool,
         watching: bool,
+        worn: Points | None = None,
     ) -> None:
+        """``worn``: where the garment lies on the body at home [m]; None: as panels, round the body posed within it."""
         (wearing,), avatar = outfit.wearing, outfit.avatar
         if wearing is None or avatar is None:
             raise ValueError("the garment has no openings, or the avatar no limbs")
         self.wearing, self._avatar, self._device = wearing, avatar, device
         sewing = _sewing_scene(scene, offset)
         (garment,) = garments_in(sewing, outfit.meshes)
-        garment = replace(garment, points=parted(wearing, wearing.onto))
+        garment = replace(garment, points=parted(wearing, wearing.onto) if worn is None else worn)
         self._body = PosedBody(avatar, wearing.skeleton)
-        routes = limb_routes(wearing, garment.points)
-        has_armholes = any(route is not None and route.armhole is not None for route in routes)
-        # arms that are only raised in their sleeves take these and the cloth next to them along as they come down
-        self._moved = [arm for arm in ARMS if not (each := routes[arm]) or not each.is_raised]
-        limbs, trunk = curves_of(routes, wearing.skeleton, STATIONS), self._body.home[TRUNK]
-        if wearing.has_legs:  # trousers are sewn below the trunk's end
-            trunk = self._body.trunk_up_to(limbs[LEGS[0]][0])
-        self._posed = [*limbs, trunk]
-        # straps would slide off thin shoulders as hanging arms come down to the trunk
-        self.could_slide = has_armholes and self._body.away(ARMS) is not None
-        last_home = [*(ARMS if has_armholes else ()), *(LEGS if wearing.has_legs and not lifted else ())]
-        self._away = self._body.away(last_home)
+        self._posed, self._moved, self.could_slide = self._body.home, list(ARMS), False
+        self._away: list[Points] | None = None
+        if worn is None:
+            self._pose(garment.points, lifted)
         self._surface, self._slid = self._body.points(self._posed, THIN), self._body.slid(self._posed)
         sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
@@ -194,6 +219,22 @@ class _Dressing:
         self._meet_body()
         self._iterations = 0
         self._shapes: list[DressedShape] | None = [] if watching else None  # on the way; None: nobody watches
+
+    def _pose(self, panels: Points, lifted: bool) -> None:
+        """Poses the body within these panels [m]."""
+        wearing, home = self.wearing, self._body.home
+        routes = limb_routes(wearing, panels)
+        has_armholes = any(route is not None and route.armhole is not None for route in routes)
+        # arms that are only raised in their sleeves take these and the cloth next to them along as they come down
+        self._moved = [arm for arm in ARMS if not (each := routes[arm]) or not each.is_raised]
+        limbs, trunk = curves_of(routes, wearing.skeleton, STATIONS), home[TRUNK]
+        if wearing.has_legs:  # trousers are sewn below the trunk's end
+            trunk = self._body.trunk_up_to(limbs[LEGS[0]][0])
+        self._posed = [*limbs, trunk]
+        # straps would slide off thin shoulders as hanging arms come down to the trunk
+        self.could_slide = has_armholes and self._body.away(ARMS) is not None
+        last_home = [*(ARMS if has_armholes else ()), *(LEGS if wearing.has_legs and not lifted else ())]
+        self._away = self._body.away(last_home)
 
     @cached_property
     def _no_sleeves(self) -> list[Indices]:
@@ -220,6 +261,11 @@ class _Dressing:
             self._relax(CHECK)
             if not self._is_calm and float(edge_strains(self._problem.model).max(initial=0.0)) < SEWN:
                 break
+
+    def untangle(self) -> None:
+        """Relaxes until nothing crosses, on a body too thin to hold what does."""
+        while self._is_calm and self._iterations < UNTANGLING:
+            self._relax(CHECK)
 
     def lift(self) -> None:
         """Moves the garment to where its highest opening started.
@@ -289,6 +335,16 @@ class _Dressing:
                 self._take(1.0 - done, THICK)
             else:
                 self._take(max(1.0 - done / POSED_FOR, 0.0), _thickness(done))
+
+    def lay_straps(self) -> None:
+        """Tugs the straps of a garment inwards along the shoulders, while arms are still raised."""
+        for _ in range(TUGS):
+            moved = tugged(self.wearing.shoulders, self._points, self.wearing.triangles)
+            if moved is None:
+                break
+            self._problem.model.set_points(moved)
+            self._meet_body()
+            self._relax(BURST)
 
     def come_home(self) -> None:
         """Takes the limbs home that come last, and lets the body be whole."""

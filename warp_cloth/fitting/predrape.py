@@ -12,7 +12,7 @@ from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Points
 from warp_cloth.fitting.attempts import end_crossings, relax_alone, start_where_left
 from warp_cloth.fitting.film import Dressing
-from warp_cloth.fitting.posed_start import start_posed
+from warp_cloth.fitting.posed_start import start_posed, start_thinned
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.attempt import Patience
@@ -81,6 +81,8 @@ def prepare_start(
 
     ``watched`` takes the shapes of each garment while it is dressed.
     """
+    if problem.attempts[0].thins:
+        return start_thinned(problem, clock)
     if problem.attempts[0].posed:
         return start_posed(problem, cache, clock, watched)
     predrape = build_predrape(problem, cache, clock)

@@ -7,6 +7,7 @@ import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.choice import Choice
@@ -18,10 +19,11 @@ from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.rest import RestGeometry, RestOptions, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.garment.rest_choice import choose_rest
 from warp_cloth.loading import Placement, load_mesh_once, load_poses, without_area
-from warp_cloth.pattern import figure_of, load_pattern
-from warp_cloth.pattern.figure import Figure
 from warp_cloth.scene import AvatarSpec, BodyMeasures, GarmentSpec, TshirtShape
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment
+
+if TYPE_CHECKING:
+    from warp_cloth.pattern.figure import Figure
 
 # keys of a garment or an avatar that its mesh depends on
 MESH_KEYS = {
@@ -98,6 +100,8 @@ def garment_mesh(
         if isinstance(body, BodyMeasures):
             body = measured_mannequin(body, drafts)[0]
         if spec.pattern is not None:
+            from warp_cloth.pattern import load_pattern  # fifty modules that few scenes need
+
             figure = None if laid_round is None else _figure(laid_round, drafts)
             mesh = load_pattern(spec.pattern, edge=spec.edge, options=spec.draft_options, figure=figure)
         else:
@@ -122,6 +126,8 @@ def garment_mesh(
 
 def _figure(avatar: AvatarSpec, drafts: Cache) -> Figure:
     """The parts of an avatar that panels are laid round, found once."""
+    from warp_cloth.pattern import figure_of
+
     parameters = values_of(avatar, MESH_KEYS), file_stamp(avatar.mesh)
     return drafts.get_or_make("figure", (), lambda: figure_of(avatar_mesh(avatar, drafts)), *parameters)
 

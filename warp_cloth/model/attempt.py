@@ -45,6 +45,7 @@ class Attempt:
     posed: bool = False  # whether it starts sewn round the avatar as it is posed within the garments
     paddings: int = 0  # how often the avatar has been padded where it showed through
     slides: int = 0  # which of SLIDES without friction over the avatar this is, from 1; 0: none
+    thins: bool = False  # whether the avatar is thinned within what it begins after, which is untangled there
     lifted: bool = False  # whether a posed start moves what is sewn to where it started at once, not pulled on
 
     @property

@@ -78,7 +78,7 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
         return _turned(history)
     if attempt.slides:
         return _slid(history)
-    return _usual_attempt(history, outfit) or _last_resort(history, outfit)
+    return _usual_attempt(history, outfit) or _thinned(history, outfit) or _last_resort(history, outfit)
 
 
 def _after_dressed(history: Sequence[Ended]) -> Attempt | None:
@@ -102,6 +102,8 @@ def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     levels_next = _may_have_levels(stated) and not any(each.attempt.has_levels for each in own)
     if posed_next and (ended.torn or ended.misplaced or (ended.cut_short is CutShort.CROSSING and attempt.touches)):
         return _posed(stated, outfit, "cloth was torn or tangled round a limb", last=not levels_next)
+    if attempt.touches and ended.cut_short is CutShort.CROSSING and (thinned := _thinned(history, outfit)):
+        return thinned
     if posed_next and ended.sunk:
         return _posed(stated, outfit, "it slid down from the waist", last=not levels_next)
     if posed_next and ended.slipped:
@@ -126,6 +128,23 @@ def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
         return _on_padded(untangled, history)
     still_open = ended.torn or ended.misplaced or ended.status is not Status.AT_REST
     return _levels(stated, history, _last_posed(history)) if levels_next and still_open else None
+
+
+def _thinned(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
+    """Once, what is whole and rightly worn but crosses is untangled round the avatar as it is thinned within."""
+    stated = history[0].attempt.stated
+    ends = [(n, each) for n, each in enumerate(history) if not (each.torn or each.misplaced or each.attempt.slides)]
+    worn = {n: each.crossings for n, each in ends if each.status is not Status.DIVERGED}
+    is_over = stated.collision.cloth is False or any(each.attempt.thins for each in history)
+    if is_over or not worn or min(worn.values()) == 0 or not _may_pose(stated, outfit):
+        return None
+    number = min(worn, key=lambda n: (worn[n], -n))
+    last = not _may_have_levels(stated) or any(each.attempt.has_levels for each in history)
+    why = "cloth crossed", "contact is per vertex"
+    method = "accelerated" if stated.solver.method == "auto" else stated.solver.method
+    attempt = _attempt(stated, method, True, *why, number, last=last)
+    how = Choice("solver.start", "untangled", "cloth crossed that the body held, so the body was thinned within it")
+    return _on_padded(replace(attempt, thins=True, choices=(*attempt.choices, how)), history)
 
 
 def _may_pad(stated: Scene) -> bool:
@@ -167,6 +186,7 @@ def _sliding(before: Attempt, number: int, slides: int) -> Attempt:
         begins_after=number,
         patience=Patience.NONE,
         posed=False,
+        thins=False,
         slides=slides,
     )
 
@@ -259,7 +279,7 @@ def _posed(stated: Scene, outfit: Outfit, why: str, *, last: bool) -> Attempt:
 
 def _turned(history: Sequence[Ended]) -> Attempt:
     """The same attempt, from where it ended, by the other kind of steps."""
-    before = replace(history[-1].attempt, begins_after=len(history) - 1, patience=Patience.LONG)
+    before = replace(history[-1].attempt, begins_after=len(history) - 1, patience=Patience.LONG, thins=False)
     levelled = sum(each.attempt.levels_contact for each in history)
     if before.levels_contact:
         turn_after = SETTLING if levelled < MOST_LEVELLINGS else None
@@ -285,7 +305,7 @@ def _by_method(before: Attempt, method: str, why: str) -> Attempt:
 def _padded(ended: Ended, number: int) -> Attempt:
     """The same attempt, from where it ended, with the avatar padded where it shows through."""
     before = _settling(ended.attempt)
-    return _with_paddings(replace(before, begins_after=number, posed=False), before.paddings + 1)
+    return _with_paddings(replace(before, begins_after=number, posed=False, thins=False), before.paddings + 1)
 
 
 def _with_paddings(attempt: Attempt, paddings: int) -> Attempt:

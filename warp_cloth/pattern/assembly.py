@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -231,10 +232,10 @@ def _sewn(pattern: Pattern, sewn: SewnOutlines, flat: Flat) -> tuple[Flat, Ints]
 
 def _layered(starts: Ints, sewn: SewnOutlines) -> Ints:
     """Vertices of outlines on seams of three panels or more."""
-    sides = [starts[panel] + places for panel, places, _, _ in sewn.seams]
-    keys = [(int(places[0]), int(places[1])) for places in sides]
-    layers = [k for k, key in enumerate(keys) if keys.count(key) > 1]
-    found = [each for k in layers for each in (sides[k], starts[sewn.seams[k][2]] + sewn.seams[k][3])]
+    sides = [(starts[panel] + places, starts[other] + there) for panel, places, other, there in sewn.seams]
+    keys = [[(min(v[0], v[-1]), max(v[0], v[-1])) for v in pair] for pair in sides]
+    count = Counter(key for pair in keys for key in set(pair))
+    found = [each for pair, own in zip(sides, keys, strict=True) if max(count[key] for key in own) > 1 for each in pair]
     return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.int64)
 
 

@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from warp_cloth.pattern.chain import Chain
+from warp_cloth.pattern.facings import is_facing
 from warp_cloth.pattern.kinds import BOTH, Named
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.roles import (
@@ -33,10 +34,13 @@ SURE, UNSURE = 0.85, 0.65  # how sure a kind is by shape; the latter where front
 ALIKE = 0.04  # relative difference of edges that are sewn together
 TOLD_APART = 0.01  # [m] by which a front's neck is deeper, or a back's crotch longer
 CAP = (0.98, 1.15)  # of the armholes that a sleeve is set into
+ODD_CAP = (0.88, 1.3)  # of a sleeve that is taken for one where there is no other, but not sewn unasked
 HOOD_NECK = (0.93, 1.08)  # of half the neckline
 LEAST_HOOD = 0.2  # [m] of its face, and of its centre
+FACED = 0.6  # of the area of the piece behind which a facing lies
 POCKET = 0.15  # of the largest piece's area, that a piece has at most which is left unknown
 MIRRORED = 2e-3  # [m] by which edges of mirror images differ
+SHOULDER_FALL = 0.14  # height over width, of a shoulder at least
 LEAST_SIDE = 0.12  # [m] of a bodice's side, and of an inseam
 # Length of a band, over that of the edges that it goes round
 BANDS = {"collar": (0.75, 1.03), "waistband": (0.8, 1.03), "hem_band": (0.7, 1.03), "cuff": (0.5, 1.03)}
@@ -58,6 +62,17 @@ class _Drawn:
         """Length of a role's edges in the whole garment, of a piece that is cut twice unless it is symmetric [m]."""
         return self.shape.length(self.roles.get(role, ())) * (1.0 if self.is_whole else 2.0)
 
+    @property
+    def shoulder_falls(self) -> bool:
+        """Whether it has shoulders that fall from the neck as a body's, more than a waist does towards a crotch."""
+        runs = [run for role, run in self.roles.items() if role.startswith("shoulder") and run]
+        falls = []
+        for run in runs:
+            ends = [self.shape.turned[run[0]].start, self.shape.turned[run[-1]].end]
+            x, y = np.abs(ends[1] - ends[0])
+            falls.append(y > SHOULDER_FALL * x)
+        return bool(falls) and all(falls)
+
     def depth(self, role: str) -> float:
         """How far a role's edges reach down from their highest point [m]."""
         points = np.concatenate([self.shape.turned[k].points[:, 1] for k in self.roles[role]])
@@ -70,7 +85,7 @@ def told_by_shape(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
     They stay as they were where some names tell: the others are then taken to be what is not told.
     """
     if any(piece.what.kind for piece in pieces) or len(pieces) < 2:
-        return list(pieces), []
+        return _with_facings(pieces), []
     kinds = _Kinds(pieces)
     found = kinds.found()
     if not found:
@@ -79,8 +94,22 @@ def told_by_shape(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
     for index, piece in enumerate(pieces):
         copies = (1, 0) if index in kinds.drawn_twice else piece.copies
         out.append(replace(piece, what=found.get(index, piece.what), copies=copies))
-    said = ", ".join(f"{pieces[index].name}: {what.kind.replace('_', ' ')}" for index, what in sorted(found.items()))
+    told = {index: "facing" if what.kind == "none" else what.kind for index, what in sorted(found.items())}
+    said = ", ".join(f"{pieces[index].name}: {kind.replace('_', ' ')}" for index, kind in told.items())
     return out, [f"no names tell what pieces are; by their shapes {said}"]
+
+
+def _with_facings(pieces: Sequence[Piece]) -> list[Piece]:
+    """The pieces, those that no name tells left out where they face another one of the outer cloth."""
+    areas = [abs(sum(edge.area for edge in piece.edges)) for piece in pieces]
+    outer = [index for index, piece in enumerate(pieces) if piece.what.kind not in ("", "none")]
+    out = []
+    for piece, area in zip(pieces, areas, strict=True):
+        faced = [pieces[index] for index in outer if area < FACED * areas[index]]
+        known = piece.what.kind or piece.what.panel
+        is_one = not known and any(is_facing(piece.edges, other.edges) for other in faced)
+        out.append(replace(piece, what=Named("none", BOTH, sure=SURE)) if is_one else piece)
+    return out
 
 
 class _Kinds:
@@ -104,13 +133,17 @@ class _Kinds:
         """
         self._find()
         areas = [abs(sum(edge.area for edge in piece.edges)) for piece in self.pieces]
+        for index, piece in enumerate(self.pieces):
+            faced = [self.pieces[k] for k in self._found if areas[index] < FACED * areas[k]]
+            if index not in self._found and any(is_facing(piece.edges, other.edges) for other in faced):
+                self._tell(index, "none", SURE)
         largest = max((areas[index] for index in self._found), default=0.0)
         known = all(index in self._found or area < POCKET * largest for index, area in enumerate(areas))
         return self._found if known else {}
 
     def _find(self) -> None:
         shapes = {kind: self._shaped(kind) for kind in ("front", "leg_front", "leg", "sleeve", "hood")}
-        tops = [index for index in shapes["front"] if index not in shapes["leg_front"]]
+        tops = [i for i, each in shapes["front"].items() if i not in shapes["leg_front"] or each.shoulder_falls]
         legs = [index for index in shapes["leg_front"] if index not in shapes["front"]]
         bodice = self._pair(shapes["front"], tops, "neck", ("side", "shoulder"), ("front", "back"))
         if not bodice:
@@ -129,11 +162,13 @@ class _Kinds:
 
     def _sleeves_and_hood(self, bodice: Sequence[_Drawn], shapes: Mapping[str, Mapping[int, _Drawn]]) -> None:
         armholes = sum(each.length("armhole") for each in bodice)
-        sleeves = [
-            index
+        caps = {
+            index: each.length("cap") / armholes
             for index, each in shapes["sleeve"].items()
-            if CAP[0] <= each.length("cap") / armholes <= CAP[1] and self._matches(each, "under+", "under-")
-        ]
+            if index not in self._found and self._matches(each, "under+", "under-")
+        }
+        fits = [index for index, cap in caps.items() if CAP[0] <= cap <= CAP[1]]
+        sleeves = fits or [index for index, cap in caps.items() if ODD_CAP[0] <= cap <= ODD_CAP[1]]
         neck = sum(each.whole("neck") for each in bodice)
         hoods = [
             index
@@ -141,10 +176,9 @@ class _Kinds:
             if HOOD_NECK[0] <= 2.0 * each.length("neck") / neck <= HOOD_NECK[1]
             and min(each.length("face"), each.length("centre")) > LEAST_HOOD
         ]
-        sleeves = [index for index in sleeves if index not in self._found]
         hoods = [index for index in hoods if index not in self._found and index not in sleeves]
         if len(sleeves) == 1:
-            self._tell(sleeves[0], "sleeve", SURE)
+            self._tell(sleeves[0], "sleeve", SURE if fits else UNSURE)
         if len(hoods) == 1:
             self._tell(hoods[0], "hood", SURE)
         rings = [("hem_band", sum(each.whole("hem") for each in bodice))]
@@ -215,6 +249,16 @@ class _Kinds:
         for each in (index, self._second.get(index)):
             if each is not None:
                 self._found[each] = Named(kind, BOTH, sure=sure)
+
+
+def is_leg_and_no_bodice(piece: Piece) -> bool:
+    """Whether a half piece has the shape of a leg's front or back, and not that of a bodice's."""
+    leg, bodice = (Shape(piece.edges, upright(piece.edges, kind)) for kind in ("leg_front", "front"))
+    if len(leg.order) < 3:
+        return False
+    return _is_leg(_Drawn(leg, leg_roles(leg), False)) and not _is_bodice(
+        _Drawn(bodice, bodice_roles(bodice, False, arm_side), False)
+    )
 
 
 def _alike(one: float, other: float) -> bool:

@@ -9,12 +9,19 @@ from itertools import combinations
 import numpy as np
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.pattern.by_shape import are_mirrored, told_by_shape
+from warp_cloth.pattern.by_shape import are_mirrored, is_leg_and_no_bodice, told_by_shape
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.drawn_darts import turned
 from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, SIDE_PANEL, UNDER_SLEEVE, named, without_side
-from warp_cloth.pattern.panel_roles import middle_side, parted_at_underarm, side_panel_roles
+from warp_cloth.pattern.panel_roles import (
+    half_skirt_roles,
+    middle_side,
+    parted_at_underarm,
+    side_panel_roles,
+    yoke_roles,
+    yoked_back_roles,
+)
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import opened
 from warp_cloth.pattern.roles import (
@@ -35,12 +42,22 @@ from warp_cloth.pattern.roles import (
 from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
+SKIRTS = ("skirt_front", "skirt_back")
 STRIPS = ("collar", "cuff", "waistband", "hem_band")
+TOPS = ("sleeve", "collar", "hood")  # kinds of which trousers and skirts have none
 SINGLE = ("front", "back", "collar", "waistband", "hem_band", "yoke", "skirt_front", "skirt_back")
 MIRROR = np.diag([-1.0, 1.0])
 UPWARDS = np.array([0.0, 1.0])
 FEWEST_GORES = 3  # of one piece, all round
 BY_SHAPE = 0.85  # how sure it is of what no name tells
+
+
+@dataclass(frozen=True)
+class _Top:
+    """What a garment's pieces say of it as a top."""
+
+    is_one: bool  # it has pieces that only tops have
+    has_yoke: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,22 +109,28 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
     told, notes = told_by_shape([piece for piece in pieces if piece not in left_out])
     pieces = [*told, *left_out]
     panelled = _panelled(pieces, stated)
+    places = {piece.name: stated.get(piece.name, Stated()).place for piece in pieces}
+    kinds = {PLACES[place][0] if (place := places[piece.name]) else piece.what.kind for piece in pieces}
+    top = _Top(not kinds.isdisjoint(TOPS), "yoke" in kinds and not kinds.isdisjoint(TOPS))
     for piece in _unique(pieces, notes):
         said = stated.get(piece.name, Stated())
-        part = _part(piece, said, panelled)
+        part = _part(piece, said, panelled, top)
         place = f'piece "{short(piece.name)}"'
-        whole = opened(piece, part.roles["centre"]) if _is_lone_half(piece, said, part, pieces) else None
+        is_half = _is_lone_half(piece, said, part, pieces)
+        whole = opened(piece, part.roles["centre"]) if is_half else None
         if whole is not None:
-            piece, part = whole, _part(whole, said, panelled)
-            notes.append(f"{place} is half a {part.kind}, cut once, with no fold line: mirrored at its straight centre")
+            piece, part = whole, _part(whole, said, panelled, top)
+            kind = part.kind.replace("_", " ")
+            notes.append(f"{place} is half a {kind}, cut once, with no fold line: mirrored at its straight centre")
         if part.kind == "none":
-            why = "as stated" if said.place == "none" else "by its name or material it is no part of the outer cloth"
+            why = "by its name or material it is no part of the outer cloth"
+            why = "as stated" if said.place == "none" else "it faces another piece" if part.sure <= BY_SHAPE else why
             notes.append(f"{place} is left out: {why}")
             continue
         if part.kind == "gore":
             parts += _gores(part, said.copies or piece.copies or (1, 0))
             continue
-        drawn, mirrored = _copies(piece, said, part, place, notes)
+        drawn, mirrored = _copies(piece, said, part, is_half and whole is None, place, notes)
         made = [part] if drawn else []
         if mirrored:
             made.append(_mirrored(part, drawn))
@@ -137,24 +160,25 @@ def _unique(pieces: Sequence[Piece], notes: list[str]) -> list[Piece]:
 
 def _is_lone_half(piece: Piece, said: Stated, part: Part, pieces: Sequence[Piece]) -> bool:
     """Whether a piece is half a front or back whose other half is nowhere."""
-    if part.kind not in ("front", "back") or part.side == BOTH or "centre" not in part.roles:
+    if part.kind not in ("front", "back", "yoke", *SKIRTS) or part.side == BOTH or "centre" not in part.roles:
         return False
-    others = [each for each in pieces if each.what.kind == part.kind and not each.what.panel and each is not piece]
+    kinds = (part.kind, part.kind.removeprefix("skirt_"))
+    alike = [each for each in pieces if each.what.kind in kinds and not each.what.panel]
     copies = said.copies if said.copies is not None else piece.copies
     return (
-        not others
+        len(alike) == 1
         and piece.what.side == BOTH
         and said.place in (None, part.kind)
         and (copies is None or sum(copies) == 1)
     )
 
 
-def _copies(piece: Piece, said: Stated, part: Part, place: str, notes: list[str]) -> tuple[bool, bool]:
-    """Whether the piece is cut as drawn, and mirrored."""
+def _copies(piece: Piece, said: Stated, part: Part, is_half: bool, place: str, notes: list[str]) -> tuple[bool, bool]:
+    """Whether the piece is cut as drawn, and mirrored; ``is_half``: its other half is nowhere, and no mirror image."""
     stated = said.copies if said.copies is not None else piece.copies
     if stated is None:
         one_sided = piece.what.side != BOTH or PLACES.get(said.place or "", ("", BOTH))[1] != BOTH
-        pair = part.kind in PAIRED and not one_sided
+        pair = (part.kind in PAIRED or is_half) and not one_sided
         if pair:
             notes.append(f"{place} states no quantity: a pair is taken")
         return True, pair
@@ -184,7 +208,8 @@ def _panelled(pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> frozense
     return frozenset(face for face in ("front", "back") if face in faces or f"side_{face}" in places)
 
 
-def _part(piece: Piece, said: Stated, panelled: frozenset[str]) -> Part:
+def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Part:
+    """A piece as a part."""
     kind, side, sure = piece.what.kind, piece.what.side, piece.what.sure
     if said.place is not None:
         kind, stated_side = PLACES[said.place]
@@ -195,7 +220,7 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str]) -> Part:
     elif piece.what.panel == UNDER_SLEEVE:
         kind = "under_sleeve"
     elif kind in ("front", "back") and kind not in panelled:
-        kind = _worn_on(piece, kind)
+        kind = kind if top.is_one else _worn_on(piece, kind)
     elif kind == "leg" and _is_whole_leg(piece):
         pass
     elif kind == "skirt" and sum(said.copies or piece.copies or ()) >= FEWEST_GORES:
@@ -213,7 +238,10 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str]) -> Part:
     part = Part(piece.name, edges, tuple(range(len(edges))), mirror, piece.notches @ turn, lines,
                 kind, side, UPWARDS, {}, sure, holes, darts)  # fmt: skip
     shape = part.shape
-    roles = _roles(kind, shape, mirror is not None, kind in panelled)
+    roles = _roles(kind, shape, mirror is not None, kind in panelled, top.has_yoke)
+    copies = said.copies or piece.copies
+    if kind in SKIRTS and mirror is None and (copies is None or all(copies)):
+        roles = half_skirt_roles(shape) or roles
     return replace(part, roles=roles, side=side or _side(kind, shape, roles, mirror is not None))
 
 
@@ -223,6 +251,8 @@ def _worn_on(piece: Piece, face: str) -> str:
     hollow = concave_count(shape)
     if piece.mirror is not None:
         return face if hollow >= 2 else f"skirt_{face}"
+    if hollow >= 2 and is_leg_and_no_bodice(piece):
+        return f"leg_{face}"
     return face if hollow >= 2 else f"leg_{face}" if hollow == 1 else f"skirt_{face}"
 
 
@@ -234,9 +264,13 @@ def _is_whole_leg(piece: Piece) -> bool:
     return all(any(shape.is_concave(k) for k in run) for run in crotches)
 
 
-def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool) -> Roles:
+def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yoke: bool) -> Roles:
     if len(shape.order) < 3:
         return {}
+    if kind == "yoke":
+        return yoke_roles(shape, whole)
+    if kind == "back" and has_yoke and (below := yoked_back_roles(shape, whole)):
+        return below
     if kind in ("front", "back"):
         return bodice_roles(shape, whole, middle_side if has_side_panels else arm_side)
     if kind in ("side_front", "side_back"):
@@ -258,8 +292,8 @@ def _side(kind: str, shape: Shape, roles: Roles, whole: bool) -> int:
     """The wearer's side of a half piece by where its middle is: a front's +x is the wearer's left, a back's right."""
     if whole:
         return BOTH
-    faced = -1 if kind in ("back", "leg_back", "skirt_back", "side_back") else 1
-    if (kind in ("front", "back") and "centre" in roles) or (
+    faced = -1 if kind in ("back", "leg_back", "skirt_back", "side_back", "yoke") else 1
+    if (kind in ("front", "back", "yoke", *SKIRTS) and "centre" in roles) or (
         kind in ("side_front", "side_back") and "princess" in roles
     ):
         outer = ("side+", "armhole+", "shoulder+", "princess+")

@@ -17,6 +17,7 @@ from warp_cloth.pattern.figure import Figure, figure_of
 from warp_cloth.pattern.grade_table import GradeTable
 from warp_cloth.pattern.joints import Joint, StatedSeam, cut, side_text, stated_joints
 from warp_cloth.pattern.piece import Piece
+from warp_cloth.pattern.piece_notes import gathered
 from warp_cloth.pattern.piece_sizes import rank
 from warp_cloth.pattern.pieces import pieces_of
 from warp_cloth.pattern.placing import wraps_of
@@ -79,7 +80,7 @@ def read_draft(file: str, data: bytes, options: DraftOptions, table: GradeTable 
         joints = tuple(joint for joint in proposed if joint.confidence >= SEWN_FROM)
         unsewn = tuple(joint for joint in proposed if joint.confidence < SEWN_FROM)
         notes += _told(parts, joints, unsewn)
-    return Draft(file, size, sizes, parts, joints, unsewn, tuple(notes))
+    return Draft(file, size, sizes, parts, joints, unsewn, tuple(gathered(notes)))
 
 
 def _of_size(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -154,16 +153,17 @@ def _join_one(parts: list[Floats]) -> bool:
 def _fish_eyes(legs: Sequence[Floats]) -> Iterable[Dart]:
     """Darts of two legs between the same two tips."""
     groups: list[list[Floats]] = []
+    firsts = np.zeros((len(legs), 2, 2))  # ends of the first leg of each group
     for leg in legs:
-        for group in groups:
-            first = group[0]
-            way = next(
-                (w for w in (leg, leg[::-1]) if np.hypot(*(w[[0, -1]] - first[[0, -1]]).T).max() <= JOINED), None
-            )
-            if way is not None:
-                group.append(np.vstack([first[0], way[1:-1], first[-1]]))
+        for way in (leg, leg[::-1]):
+            apart = np.hypot(*np.moveaxis(firsts[: len(groups)] - way[[0, -1]], 2, 0)).max(axis=1)
+            there = np.flatnonzero(apart <= JOINED)
+            if len(there):
+                first = groups[there[0]][0]
+                groups[there[0]].append(np.vstack([first[0], way[1:-1], first[-1]]))
                 break
         else:
+            firsts[len(groups)] = leg[[0, -1]]
             groups.append([leg])
     for group in groups:
         bulge = [area_of(leg) if len(leg) > 2 else 0.0 for leg in group]
@@ -187,7 +187,15 @@ def _parted(leg: Chain) -> tuple[Chain, ...]:
 
 def _vs(outline: Floats, legs: Sequence[Floats]) -> list[_Mouth]:
     """Darts of two legs from one tip to the outline: where on it they begin and end, and their line."""
-    found = [mouth for one, other in combinations(legs, 2) for mouth in _v(outline, one, other)]
+    ways = [(leg, leg[::-1]) for leg in legs]
+    led = [tuple(_to_outline(outline, way) if inside(outline, way[:1]).all() else None for way in two) for two in ways]
+    found = [
+        mouth
+        for i, j in _touching(legs)
+        for a in (0, 1)
+        for b in (0, 1)
+        for mouth in _v(outline, (ways[i][a], ways[j][b]), (led[i][a], led[j][b]))
+    ]
     # of a tip's legs and the fold between them, the outer two are the dart; no dart begins within another
     found.sort(key=lambda mouth: (-float(np.hypot(*(mouth[2][-1] - mouth[2][0]))), mouth[0]))
     whole = float(_reach(outline)[-1])
@@ -204,22 +212,32 @@ def _vs(outline: Floats, legs: Sequence[Floats]) -> list[_Mouth]:
     return kept
 
 
-def _v(outline: Floats, one: Floats, other: Floats) -> Iterable[_Mouth]:
-    for a in (one, one[::-1]):
-        for b in (other, other[::-1]):
-            sharp = abs(float(_turn(a[:1] - a[1:2], b[1:2] - b[:1])[0])) > TIP
-            if np.hypot(*(a[0] - b[0])) > JOINED or not sharp or not inside(outline, a[:1]).all():
-                continue
-            mouth = [_to_outline(outline, leg) for leg in (a, b)]
-            if mouth[0] is None or mouth[1] is None:
-                continue
-            (leg, at), (back, there) = mouth[0], mouth[1]
-            if not _alike(leg, back) or not NARROWEST <= np.hypot(*(leg[-1] - back[-1])) <= WIDEST:
-                continue
-            if (there - at) % 1.0 > 0.5:
-                (leg, at), (back, there) = (back, there), (leg, at)
-            whole = float(_reach(outline)[-1])
-            yield at * whole, there * whole, np.concatenate([leg[::-1], back[1:]])
+def _touching(legs: Sequence[Floats]) -> Iterable[tuple[int, int]]:
+    """Pairs of legs that have an end at one place, sharply enough for a tip."""
+    ends = np.array([end for leg in legs for end in (leg[0], leg[-1])]).reshape(-1, 2)
+    ways = np.array([way for leg in legs for way in (leg[1] - leg[0], leg[-2] - leg[-1])]).reshape(-1, 2)
+    ways /= np.maximum(np.hypot(*ways.T), 1e-300)[:, None]
+    near = np.hypot(*np.moveaxis(ends[:, None] - ends[None], 2, 0)) <= JOINED
+    near &= ways @ ways.T > -np.cos(TIP) - 1e-6  # they leave it side by side
+    meet = near.reshape(len(legs), 2, len(legs), 2).any(axis=(1, 3))
+    return ((i, j) for i, j in np.argwhere(np.triu(meet, 1)).tolist())
+
+
+def _v(
+    outline: Floats, legs: tuple[Floats, Floats], mouth: tuple[tuple[Floats, float] | None, ...]
+) -> Iterable[_Mouth]:
+    """The dart that two legs from one tip are, ``mouth``: where each meets the outline; none if they are none."""
+    (one, other), (first, second) = legs, mouth
+    sharp = abs(float(_turn(one[:1] - one[1:2], other[1:2] - other[:1])[0])) > TIP
+    if np.hypot(*(one[0] - other[0])) > JOINED or not sharp or first is None or second is None:
+        return
+    (leg, at), (back, there) = first, second
+    if not _alike(leg, back) or not NARROWEST <= np.hypot(*(leg[-1] - back[-1])) <= WIDEST:
+        return
+    if (there - at) % 1.0 > 0.5:
+        (leg, at), (back, there) = (back, there), (leg, at)
+    whole = float(_reach(outline)[-1])
+    yield at * whole, there * whole, np.concatenate([leg[::-1], back[1:]])
 
 
 def _to_outline(outline: Floats, leg: Floats) -> tuple[Floats, float] | None:

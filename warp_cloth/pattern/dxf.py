@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.pattern.dxf_binary import BINARY, as_text
 from warp_cloth.pattern.dxf_drawn import (
     CUT,
     LINEAR,
@@ -25,12 +26,12 @@ from warp_cloth.pattern.dxf_drawn import (
     layer_number,
     texts_of,
 )
+from warp_cloth.pattern.dxf_names import with_usable_names, written_name
 from warp_cloth.pattern.dxf_sheet import sheet_pieces
 from warp_cloth.pattern.loops import area_of, chained
 from warp_cloth.pattern.specification import MOST_PANELS, short
 
 EXPORT_AGAIN = "export the DXF again, as AAMA or ASTM"
-BINARY = b"AutoCAD Binary DXF"
 LARGEST_FILE = 200_000_000  # bytes
 MOST_POINTS = 200_000  # of a piece
 
@@ -78,8 +79,6 @@ def _refuse(file: str, problem: str, remedy: str = EXPORT_AGAIN) -> NoReturn:
 def _document(file: str, data: bytes) -> Any:
     try:
         from ezdxf import recover
-        from ezdxf.document import Drawing
-        from ezdxf.lldxf.tagger import binary_tags_loader
     except ImportError:
         raise InputError(file, "needs the package ezdxf", "pip install 'warp-cloth[dxf]'") from None
     if len(data) > LARGEST_FILE:
@@ -90,9 +89,8 @@ def _document(file: str, data: bytes) -> Any:
         _refuse(file, "is a DWG file, not DXF", "save it as DXF")
     logging.getLogger("ezdxf").addHandler(logging.NullHandler())  # what it mends is not printed
     try:
-        if data.startswith(BINARY):
-            return Drawing.load(binary_tags_loader(data))
-        document, _ = recover.read(io.BytesIO(data))
+        data = as_text(data) if data.startswith(BINARY) else data
+        document, _ = recover.read(io.BytesIO(with_usable_names(data)))
     except Exception as error:  # a damaged file raises whatever the recovery happens to meet
         said = short(" ".join(str(error).split())) or type(error).__name__
         _refuse(file, f"cannot be read as DXF: {said}")
@@ -115,7 +113,7 @@ def _pieces(document: Any) -> tuple[list[Drawn], list[str]]:
         if block.name in inner or block.name in sheets:
             continue
         insert = next((each for each in space if each.dxftype() == "INSERT" and each.dxf.name == block.name), None)
-        piece = drawn_piece(block.name, list(block), _scale(insert))
+        piece = drawn_piece(written_name(block.name), list(block), _scale(insert))
         if insert is not None:
             for attribute in insert.attribs:
                 piece.state(attribute.dxf.text)

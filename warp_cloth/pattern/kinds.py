@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from warp_cloth.pattern.vocabulary import INNER_CLOTH, LEFT_WORDS, RIGHT_WORDS, SIDE_PANEL_WORDS, UNDER, WORDS
+from warp_cloth.pattern.vocabulary import BESIDE, INNER_CLOTH, LEFT_WORDS, RIGHT_WORDS, SIDE_PANEL_WORDS, UNDER, WORDS
 
 LEFT, BOTH, RIGHT = 1, 0, -1  # the wearer's
 
@@ -58,6 +58,7 @@ PLACES: dict[str, tuple[str, int]] = {
     "gore": ("gore", BOTH),
     "side_skirt_front": ("side_skirt_front", BOTH),
     "side_skirt_back": ("side_skirt_back", BOTH),
+    "yoke": ("yoke", BOTH),
     "hood": ("hood", BOTH),
     "left_hood": ("hood", LEFT),
     "right_hood": ("hood", RIGHT),
@@ -124,6 +125,7 @@ def named(name: str) -> Named:
 def _named(name: str) -> Named:
     text = re.sub(r"\d{3,}", "0", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name))  # of a style "B2204" the B is no back
     text = plain(re.sub(r"[_\-.,/()1-9#]+|(?<!\w)0", " ", text))
+    text = re.sub(BESIDE, " ", text)
     found = [kind for kind, words in WORDS if re.search(words, text)]
     side = next((side for side, words in SIDES if re.search(words, text)), BOTH)
     kind = found[0] if found else ""

@@ -32,6 +32,7 @@ LEFT_RIGHT = r"\bl\w{0,4}\s*[*×x=:]?\s*(\d{1,2})\b.{0,4}\br\w{0,5}\s*[*×x=:]?\
 # A block's name with a number to cut and its place in the file, as some programs name blocks ("BACK YOKEX1-35")
 COUNTED_BLOCK = re.compile(r"^(.*\S)\s?X(\d{1,2})-(\d{1,4})$")
 NO_NAME = re.compile(r"^[\W\d]*$")
+NO_LETTER = re.compile(r"^[\W_]*$")  # of a block's name: letters that were lost
 
 
 def name_of(drawn: Drawn) -> str:
@@ -41,6 +42,7 @@ def name_of(drawn: Drawn) -> str:
         return stated
     counted = COUNTED_BLOCK.match(drawn.block)
     block = plain_text(drawn.block if counted is None else counted[1])
+    block = "" if NO_LETTER.match(block) else block
     return block or _label(drawn.remarks) or "piece"
 
 

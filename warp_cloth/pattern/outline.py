@@ -132,12 +132,16 @@ def _runs(pattern: Pattern, seams: Sequence[Seam], edge: float) -> tuple[list[_R
         steps.append(max(4, math.ceil(max(lengths) / edge)))
         for which, piece in enumerate(seam.pieces):
             sewn.setdefault(piece.side, {}).setdefault(piece, []).append((index, which))
-    for _ in range(2):  # all layers of a seam have as many steps
-        for pieces in sewn.values():
-            for places in pieces.values():
-                most = max(steps[index] for index, _ in places)
-                for index, _ in places:
-                    steps[index] = most
+    layers = [[index for index, _ in places] for pieces in sewn.values() for places in pieces.values()]
+    layers = [own for own in layers if len(own) > 1]
+    uneven = True
+    while uneven:  # all layers of a seam have as many steps
+        uneven = False
+        for own in layers:
+            most = max(steps[index] for index in own)
+            uneven |= any(steps[index] < most for index in own)
+            for index in own:
+                steps[index] = most
     runs: list[_Run] = []
     found: dict[tuple[int, int], _Run] = {}
     for panel_index, panel in enumerate(pattern.panels):

@@ -8,9 +8,11 @@ import numpy as np
 
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.roles import BENT, Roles, Shape, arm_side, ends_of, sleeve_roles
+from warp_cloth.pattern.roles import BENT, Roles, Shape, arm_side, bodice_roles, ends_of, sleeve_roles
 
 SHARP = 0.5 * BENT  # turn at which one seam ends and another begins
+PLUMB = 0.01  # across over along, of the middle of half a skirt
+LONG = 0.3  # of a skirt's height, that its middle runs straight at least
 TO_NOTCH = 0.06  # of the top of an under sleeve, from its lowest point to the notch at the side seam
 
 
@@ -33,6 +35,61 @@ def side_panel_roles(shape: Shape) -> Roles:
     if corners[0] < corners[1]:
         return roles | {"princess": right} | _outer_side(shape, left, "-")
     return roles | {"princess": left} | _outer_side(shape, right, "+")
+
+
+def yoke_roles(shape: Shape, whole: bool) -> Roles:
+    """Of a back's yoke: hem, neck; shoulder and armhole at "+" and "-"; of a half also centre, with one side."""
+    roles = bodice_roles(shape, whole, _yoke_side)
+    marks = [mark for mark in "+-" if roles.get(f"shoulder{mark}") and roles.get(f"armhole{mark}")]
+    hollow = any(shape.is_concave(k) for k in roles.get("neck", ()))
+    return roles if hollow and len(marks) == 1 + whole and (whole or roles.get("centre")) else {}
+
+
+def _yoke_side(shape: Shape, up: Sequence[int], mark: str) -> Roles:
+    """Armhole and shoulder of a yoke's edges from its hem up to the neck; runs as the loop runs."""
+    as_loop = slice(None, None, 1 if mark == "+" else -1)
+    return {f"armhole{mark}": tuple(up[:-1])[as_loop], f"shoulder{mark}": tuple(up[-1:])}
+
+
+def yoked_back_roles(shape: Shape, whole: bool) -> Roles:
+    """Of a back below a yoke: hem, top; side and armhole at "+" and "-"; of a half also centre, with one side."""
+    (hem_first, hem_end), (top_first, top_end) = ends_of(shape)
+    roles: Roles = {"hem": shape.run(hem_first, hem_end), "top": shape.run(top_first, top_end)}
+    for mark, path in (("+", shape.run(hem_end, top_first)), ("-", shape.run(top_end, hem_first))):
+        if not whole and all(shape.is_straight(k) for k in path):
+            roles["centre"] = path
+            continue
+        runs = _smooth_runs(shape, path)
+        top = runs[-1] if mark == "+" else runs[0]
+        if len(runs) < 2 or not any(shape.is_concave(k) for k in top):
+            return {}
+        roles |= {f"side{mark}": tuple(k for k in path if k not in top), f"armhole{mark}": top}
+    return roles
+
+
+def half_skirt_roles(shape: Shape) -> Roles:
+    """Of half a skirt's front or back: hem, waist, centre, and side at "+" or "-"; empty where none is its middle.
+
+    Its middle runs straight down from the waist, its side does not: it is bowed over the hip, or slants.
+    """
+    (hem_first, hem_end), (waist_first, waist_end) = ends_of(shape)
+    paths = {"+": shape.run(hem_end, waist_first), "-": shape.run(waist_end, hem_first)[::-1]}  # upwards
+    if not all(paths.values()):
+        return {}
+    plumb = [mark for mark, path in paths.items() if _is_plumb(shape, path[-1])]
+    if len(plumb) != 1:
+        return {}
+    side = "-" if plumb[0] == "+" else "+"
+    runs = {mark: path if mark == "+" else path[::-1] for mark, path in paths.items()}
+    ends = {"hem": shape.run(hem_first, hem_end), "waist": shape.run(waist_first, waist_end)}
+    return ends | {"centre": runs[plumb[0]], f"side{side}": runs[side]}
+
+
+def _is_plumb(shape: Shape, k: int) -> bool:
+    """Whether an edge is long, straight and along the grain."""
+    x, y = np.abs(shape.chord(k))
+    height = float(np.ptp(np.array(shape.box), axis=0)[1])
+    return bool(x < PLUMB * y and y > LONG * height and abs(shape.bow(k)) < PLUMB * y)
 
 
 def _outer_side(shape: Shape, path: tuple[int, ...], mark: str) -> Roles:

@@ -17,6 +17,7 @@ from warp_cloth.pattern.dxf_drawn import CUT_OUT, FOLD, GRAIN, INTERNAL, TURN, D
 from warp_cloth.pattern.dxf_unit import unit_of
 from warp_cloth.pattern.grade_table import GradeTable
 from warp_cloth.pattern.grading import graded
+from warp_cloth.pattern.inner_sew_lines import with_inner_sew_lines
 from warp_cloth.pattern.kinds import Named, named_all
 from warp_cloth.pattern.labels import ON_FOLD, PLEATED, copies_of, name_of, size_of
 from warp_cloth.pattern.lattice import inside
@@ -57,7 +58,8 @@ def pieces_of(
         InputError: a piece has no closed outline, or an impossible size.
     """
     metres, told = unit_of(file, drawing)
-    every, nested = unnested(without_shadows(drawing.pieces))
+    every, lined = with_inner_sew_lines(drawing.pieces, metres)
+    every, nested = unnested(without_shadows(every))
     if table is not None:
         every, by_rules = graded(every, table, metres)
         nested += by_rules
@@ -80,7 +82,7 @@ def pieces_of(
     pieces, counted = numbered(sized(pieces))
     kinds = named_all([(piece.name, *about) for piece, about in zip(pieces, abouts, strict=True)])
     found = tuple(replace(piece, what=what) for piece, what in zip(pieces, kinds, strict=True))
-    return found, [*told, *nested, *counted]
+    return found, [*told, *lined, *nested, *counted]
 
 
 def _piece(

@@ -48,7 +48,8 @@ def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
     part = parts[index]
     by_kind: dict[str, Callable[[], Wrap | None]] = {
         "front": lambda: _trunk(part, figure, True, _side_panel_width(parts, index)),
-        "back": lambda: _trunk(part, figure, False, _side_panel_width(parts, index)),
+        "back": lambda: _trunk(part, figure, False, _side_panel_width(parts, index), _below_yoke(parts, index)),
+        "yoke": lambda: _trunk(part, figure, False) if part.roles else None,
         "side_front": lambda: _side_panel(parts, index, figure, True),
         "side_back": lambda: _side_panel(parts, index, figure, False),
         "skirt_front": lambda: _trunk(part, figure, True, _side_panel_width(parts, index)),
@@ -92,9 +93,17 @@ def _side_panel_width(parts: Sequence[Part], index: int) -> float:
     return max((float(np.ptp(parts[panel].shape.box, axis=0)[0]) for panel in face[1:]), default=0.0)
 
 
-def _trunk(part: Part, figure: Figure, is_front: bool, side_panels: float = 0.0) -> Wrap:
+def _below_yoke(parts: Sequence[Part], index: int) -> float:
+    """How far below its neck a back begins [m]: where its yoke ends."""
+    if "top" not in parts[index].roles:
+        return 0.0
+    heights = [float(np.ptp(part.shape.box, axis=0)[1]) for part in parts if part.kind == "yoke" and part.roles]
+    return max(heights, default=0.0)
+
+
+def _trunk(part: Part, figure: Figure, is_front: bool, side_panels: float = 0.0, lowered: float = 0.0) -> Wrap:
     levels, least, most = spans(part)
-    top = _top(part, figure)
+    top = _top(part, figure) - lowered
     centre = np.full(LEVELS, _middle_of(part, is_front, least, most))
     half = np.maximum(most - centre, centre - least) + side_panels
     return _round_trunk(part, figure, is_front, levels, centre, half, top + levels - levels[-1])

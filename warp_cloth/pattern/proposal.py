@@ -27,11 +27,13 @@ from warp_cloth.pattern.runs import (
 )
 from warp_cloth.pattern.sleeves import is_raglan, proposed_sleeves, sleeve_side, under_sleeve_of
 from warp_cloth.pattern.specification import Side
+from warp_cloth.pattern.yokes import proposed_yokes
 
 SEWN_FROM = 0.75  # confidence from which a proposed seam is sewn without a word
 SHOWN_FROM = 0.3  # and from which it is written into the table at all
 LEFTOVER = 0.6  # most that lengths alone make sure
 FRONT_CENTRE = 0.5  # a front's two halves are as often closed by a zip, or left open
+SKIRT_FRONT_CENTRE = 0.9
 PRINCESS_EASE = (-0.04, 0.02)  # a side panel is eased over the bust
 RIVAL = 0.05  # of confidence, by which the surest seam of an edge is to be surer than the next
 DOUBTED = 0.7  # factor on the confidence of one that is not
@@ -42,6 +44,7 @@ def proposed_joints(parts: Sequence[Part]) -> tuple[Joint, ...]:
     found = [
         *_darts(parts),
         *_bodices(parts),
+        *proposed_yokes(parts),
         *proposed_sleeves(parts),
         *_legs(parts),
         *_hoods(parts),
@@ -159,7 +162,7 @@ def _half_neck(parts: Sequence[Part], side: int) -> tuple[Side, ...]:
     """Half of the neckline, in the order in which a hood or collar on that side meets it against its direction."""
     halves = {}
     for kind in ("front", "back"):
-        for panel in parts_of_kind(parts, kind):
+        for panel in parts_of_kind(parts, *((kind, "yoke") if kind == "back" else (kind,))):
             part = parts[panel]
             if part.side not in (BOTH, side):
                 continue
@@ -193,10 +196,12 @@ def _skirts(parts: Sequence[Part]) -> Iterable[Joint]:
     for front in fronts:
         for back in backs:
             for side in (LEFT, RIGHT):
-                if parts[front[0]].side == BOTH and parts[back[0]].side == BOTH:
+                if all(parts[face[0]].side in (BOTH, side) for face in (front, back)):
                     one, other = face_run(parts, front, "side", side), face_run(parts, back, "side", side, True)
                     yield from joint_of(parts, one, other, "side")
     yield from _between_panels(parts, (*fronts, *backs))
+    yield from _centres(parts, [face[0] for face in fronts], SKIRT_FRONT_CENTRE, "centre front")
+    yield from _centres(parts, [face[0] for face in backs], 1.0, "centre back")
     for kind in ("front", "back"):
         for top in parts_of_kind(parts, kind):
             for skirt in parts_of_kind(parts, f"skirt_{kind}"):
@@ -224,6 +229,8 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
     """Collars, waistbands, cuffs and bands at the hem: round a ring of edges, their ends together."""
     for band in parts_of_kind(parts, "collar", "waistband", "cuff", "hem_band"):
         part = parts[band]
+        others = [each for each in parts_of_kind(parts, part.kind) if each not in (band, part.twin)]
+        sure = DOUBTED if others and part.kind != "cuff" else 1.0  # a stand and its collar: which goes on the neck?
         if "long" not in part.roles:
             continue
         ring = _ring(parts, band)
@@ -233,7 +240,7 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
             joint
             for role in ("long", "long2")
             for joint in joint_of(
-                parts, run_of(band, part.roles[role]), ring, part.kind.replace("_", " "), (-0.4, 0.04)
+                parts, run_of(band, part.roles[role]), ring, part.kind.replace("_", " "), (-0.4, 0.04), sure
             )
         ]
         joint = max(best, key=lambda each: each.confidence)

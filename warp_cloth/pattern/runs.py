@@ -96,8 +96,14 @@ def faces_of(parts: Sequence[Part], face: str) -> list[tuple[int, ...]]:
 def face_run(
     parts: Sequence[Part], face: Sequence[int], role: str, side: int, against: bool = False
 ) -> tuple[Side, ...]:
-    """The edges of a role on one side of a front or back of one or several panels, as the loop runs or against it."""
+    """The edges of a role on one side of a front or back of one or several panels, as the loop runs or against it.
+
+    A back goes on in its yoke, if there is one.
+    """
     runs = [run_of(panel, role_of(parts, panel, role, side)) for panel in face]
+    if parts[face[0]].kind == "back" and "top" in parts[face[0]].roles:
+        yokes = parts_of_kind(parts, "yoke") if role in ("armhole", "shoulder") else []
+        runs = [*(run for yoke in yokes if (run := run_of(yoke, role_of(parts, yoke, role, side)))), *runs]
     if side_mark(parts[face[0]], side) == "+":  # there the loop runs up the side to the neck
         runs = runs[::-1]
     whole = tuple(each for run in runs for each in run)

@@ -90,7 +90,10 @@ def _joints(pattern: Pattern) -> list[_Joint]:
     # the edge with the most partners first, so that those of a seam of many layers are all sewn to one
     for side, stitches in sorted(uses.items(), key=lambda item: -len(item[1])):
         stitches = [stitch for stitch in stitches if id(stitch) not in done]
-        if len(stitches) > 1:
+        if len(stitches) > 1 and (chain := _layers_in_turn(pattern, side, uses)):
+            joints += chain
+            done.update(id(stitch) for joint in chain for each in (joint.one, *joint.run) for stitch in uses[each])
+        elif len(stitches) > 1:
             joints += _one_to_many(pattern, side, stitches, uses)
             done.update(map(id, stitches))
             partners = {partner for stitch in stitches for partner in stitch.sides}
@@ -99,6 +102,26 @@ def _joints(pattern: Pattern) -> list[_Joint]:
         if id(stitch) not in done:
             joints.append(_Joint(stitch.sides[0], (stitch.sides[1],), (stitch,)))
     return joints
+
+
+def _layers_in_turn(pattern: Pattern, side: Side, uses: dict[Side, list[Stitch]]) -> list[_Joint]:
+    """The joints of layers that are sewn each to the next one, from this edge on; none where these are no such.
+
+    Layers are edges of one length and of a panel each, of which more than one is sewn to several.
+    """
+    reached, joints = [side], list[_Joint]()
+    for one in reached:
+        for stitch in uses[one]:
+            other = stitch.sides[stitch.sides[0] == one]
+            if other not in reached:
+                reached.append(other)
+                joints.append(_Joint(one, (other,), (stitch,), layer=bool(joints)))
+    is_tree = len({id(stitch) for one in reached for stitch in uses[one]}) == len(joints)
+    is_star = all(joint.one == side for joint in joints)
+    lengths = np.log([_length(pattern, [each]) for each in reached])
+    alike = float(np.ptp(lengths)) <= np.log(UNEQUAL)
+    apart = len({each.panel for each in reached}) == len(reached)
+    return joints if alike and apart and is_tree and not is_star else []
 
 
 def _one_to_many(

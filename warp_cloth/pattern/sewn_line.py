@@ -24,6 +24,7 @@ from warp_cloth.pattern.specification import LARGEST, NO_LENGTH, SMALLEST, short
 OPEN_GAP = 2e-3  # [m] that an outline may be open without a note
 WIDEST_ALLOWANCE = 0.08  # [m] from cut to sew line, at a hem
 MOST_PAIRS = 2_000_000  # of a point and a side that are measured
+LEAST_THICK = 0.1  # of its extent squared, the area of an outline of which one side is not drawn
 SAME_LINE = 2e-3  # relative, of the areas of a sew line and a cut line that are one
 SAME_SHARE = 0.5  # of the area of the largest loop: others are of other sizes
 
@@ -85,7 +86,11 @@ def closed_loops(lines: Sequence[Floats], metres: float) -> list[Floats]:
 def _cut_line(drawn: Drawn, metres: float, notes: list[str]) -> tuple[Floats | None, list[Floats]]:
     """The largest loop of the cut line, and the smaller ones within it."""
     lines = drawn.lines.get(CUT, [])
-    closed = closed_loops(lines, metres)
+    closed = closed_loops(lines, metres) or closed_loops([*lines, *drawn.lines.get(FOLD, [])], metres)
+    if not closed and len(lines) == 1:  # a line that ends where only its first side is missing
+        loop = cleaned(metres * lines[0], NO_LENGTH)
+        thick = len(loop) > 3 and area_of(loop) > LEAST_THICK * float(np.ptp(loop, axis=0).max()) ** 2
+        closed = [loop] if thick else []
     if not closed:
         return None, []
     cut = max(closed, key=area_of)
@@ -115,13 +120,13 @@ def _sew_line(
     if any(area > 1.0 + SAME_LINE for area in areas):
         notes.append("layer 14 has outlines larger than the cut line: not taken as sew lines")
         return None
-    around = [loop for loop in closed if _goes_round(loop, cut)]
+    around = [loop for loop in closed if goes_round(loop, cut)]
     if not around:
         notes.append("its sew line does not go round it: the cut line is used")
     return max(around, key=area_of, default=None)
 
 
-def _goes_round(sew: Floats, cut: Floats) -> bool:
+def goes_round(sew: Floats, cut: Floats) -> bool:
     """Whether a loop is a cut line less a seam allowance: within it, and nowhere far from it."""
     if area_of(sew) >= (1.0 - SAME_LINE) * area_of(cut):
         return True

@@ -87,7 +87,7 @@ class StitchReader:
             pairs = [pair for other in stated_sides[1:] for pair in self._paired([stated_sides[0], other], place)]
             for pair_of_sides in pairs:
                 if any(isinstance(side, _InHole) for side in pair_of_sides):
-                    self.legs.append(self._legs(number, place, *pair_of_sides))
+                    self._add_legs(self._legs(number, place, *pair_of_sides))
                     continue
                 present = [side for side in pair_of_sides if isinstance(side, Side)]
                 if len(present) == 1:
@@ -124,6 +124,15 @@ class StitchReader:
                 if key == WRONG_SIDE and value is not None:
                     stated = value if isinstance(value, bool) else value == WRONG_SIDE
         return sides, stated
+
+    def _add_legs(self, legs: Legs) -> None:
+        """Takes a dart's legs, each pair once."""
+        same = (each for each in self.legs if (each.panel, each.hole) == (legs.panel, legs.hole))
+        before = next((each for each in same if set(each.edges) == set(legs.edges)), None)
+        if before is None:
+            self.legs.append(legs)
+        else:
+            self.notes.append(f"stitch {legs.stitch} sews the same edges as stitch {before.stitch}: dropped")
 
     def _legs(self, number: int, place: str, one: _Named, other: _Named) -> Legs:
         """The legs of a dart: edges of one hole."""

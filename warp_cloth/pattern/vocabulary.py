@@ -11,13 +11,14 @@ from __future__ import annotations
 WORDS = (
     (
         "none",
-        r"facing|interlin|interfac|fusing|fusible|lining|label|pocket|flap|welt|belt\b|loop|plac?ket"
+        r"facing|(?<!neck )(?<!neckline )\bbinding|\bbias\b|paspel|schragband|\blini\b|\blng\b"
+        r"|interlin|interfac|fusing|fusible|lining|label|pocket|flap|welt|belt\b|loop|plac?ket"
         r"|placard|\bfly\b|\btasche|tasche\b|taschen|beleg|futter|einlage|etikett|schlaufe|\bpatten?\b"
         r"|leiste|schlitz|\bzak\b|zakken|voering|\bpoche|parement|doublure|enforme|entoilage|rabat|passant"
         r"|biais|\bpattes?\b|bolsi?l?lo|\bbolso|\bvista\b|forro|entretela|tapeta|trabilla|bragueta|carcela"
         r"|\bvies\b|solapa de bols|tasca|fodera|\bpassante|paramontura|ripiego|\bpatta\b|taschino|sbieco"
-        r"|kiesze|podszew|obloz|kapsa|podsivk|karman|podklad|\bобтачк|карман|подклад|клапан|шлевк|\bcep\b"
-        r"|cebi|astar|\bpervaz|\blomme|\bficka|\btasku|vuori|kou ?dai|dou ?bu|li ?bu|gua ?mian|口袋|袋布"
+        r"|kiesze|podszew|obloz|kapsa|podsivk|karman|podklad|\bобтачк|подборт|підборт|кишен|карман|подклад|клапан|шлевк|шлівк|підклад|дублер|\bcep\b"
+        r"|cebi|astar|\bpervaz|\blomme|\bficka|tasku|vuori|tuki\b|lisake|kou ?dai|dou ?bu|li ?bu|gua ?mian|口袋|袋布"
         r"|袋盖|里布|里料|贴边|挂面|衬|门襟|ポケット|見返し|裏地|주머니|안감",
     ),
     (
@@ -47,7 +48,7 @@ WORDS = (
         "collar",
         r"collar|neck[ _-]*(band|rib|bind|line)|rib[ _-]*neck|kragen|\bsteg\b|halsb(ue|u)ndchen|halsb"
         r"|kraag|\bcol\b|pied de col|encolure|bord[ _-]*cote|cuello|\bgola|collarin|colletto|\bcollo\b"
-        r"|listino|kolnierz|limec|vorotnik|воротник|стойка|\byaka\b|\bkrage|\bkrave|kaulus"
+        r"|listino|kolnierz|limec|vorotnik|воротник|комір|стойка|\byaka\b|\bkrage|\bkrave|kaulus"
         r"|\b(shang|xia|ni|fan)? ?ling(zi|pian|wei|mian|di)?\b|领|領|\beri\b|衿|칼라|카라",
     ),
     (
@@ -78,7 +79,7 @@ WORDS = (
     (
         "front",
         r"front|\bfrt?\b|\bf\b|vord|\bvorn|\bvt\b|voorpand|\bvoor|devant|\bavant|delanter|\bfrente|davanti"
-        r"|\bdavant|przod|predni|\bpered|полочк|перед|\bpolochk|\bon (beden|parca|govde|pantolon|etek|ust)"
+        r"|\bdavant|przod|predni|\bpered|полочк|пілочк|перед|\bpolochk|\bon (beden|parca|govde|pantolon|etek|ust)"
         r"|framsty|framst|\bfram\b|forstyk|etukap|\betu|\bqian|前|\bmae|앞|than truoc",
     ),
     (
@@ -88,6 +89,10 @@ WORDS = (
         r"|takakap|\btaka|\bhou(?!se|r)|后|後|\bushiro|뒤|than sau",
     ),
 )
+# What a piece is cut for, and is not: "front without pocket"
+BESIDE = (
+    r"\b(with(out)?|no|w o|mit|ohne|avec|sans|con|sin|senza|com|sem) (a )?(pocket|tasche|poche|bolsillo|tasca|bolso)\w*"
+)
 INNER_CLOTH = (
     r"lining|fus(e|ing|ible)|interlin|interfac|futter|einlage|doublure|thermocoll|entretela|forro"
     r"|fodera|adesiv|podszew|подклад|дублер|astar|里布|里料|衬"
@@ -95,11 +100,11 @@ INNER_CLOTH = (
 # Pieces beside the middle ones of a front or back, and under sleeves of sleeves of two pieces
 SIDE_PANEL_WORDS = (
     r"\bside|princess|seitenteil|seitl|\bseite|zijpand|\bzij|cote\b|\bflanc|costad|lateral|fianc"
-    r"|fianchetto|boczek|\bbok\b|bocni|бочок|боков|\byan\b|\bsid|sivukap|\bce ?(pian|qian|hou)?\b|侧|側"
+    r"|fianchetto|boczek|\bbok\b|bocni|бочок|боков|\byan\b|\bsid|sivukap|sivupal|\bce ?(pian|qian|hou)?\b|侧|側"
     r"|脇|옆"
 )
 UNDER = (
-    r"under|\bbottom\b|unter|\bonder|dessous|de abajo|menor|\bsotto|inferior|spodni|нижн|\balt\b"
+    r"under|\bbottom\b|unter|\bonder|dessous|de abajo|menor|\bsotto|inferior|spodni|нижн|\balt\b|\bala ?osa"
     r"|\balis|\bxiao ?xiu|小袖|内袖|內袖|下袖|안"
 )
 LEFT_WORDS = (

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import Field, ValidationInfo, field_serializer, field_validator, model_validator
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
 from warp_cloth.material.fabric import Fabric, resolve_fabric
-from warp_cloth.pattern import DraftOptions, grade_table_path, is_drafted
-from warp_cloth.pattern.draft import Stated
-from warp_cloth.pattern.joints import StatedSeam
 from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.paths import checked_name, directory_of, path_from
 from warp_cloth.scene.shapes import AvatarShape, BodyMeasures, GarmentShape, Integer, Point, Real, Table, VertexId
+
+if TYPE_CHECKING:
+    from warp_cloth.pattern import DraftOptions
 
 RestShape = Literal["auto", "mesh", "uv", "physics"]
 RestAngles = Literal["flat", "mesh", "physics"]
@@ -29,7 +29,7 @@ Place = Literal[
     "right_side_front", "side_back", "left_side_back", "right_side_back", "sleeve", "left_sleeve", "right_sleeve",
     "under_sleeve", "left_under_sleeve", "right_under_sleeve", "leg_front", "left_leg_front", "right_leg_front",
     "leg_back", "left_leg_back", "right_leg_back", "leg", "left_leg", "right_leg", "skirt_front", "skirt_back", "hood",
-    "left_hood", "right_hood", "collar", "waistband", "hem_band", "cuff", "left_cuff", "right_cuff", "none",
+    "left_hood", "right_hood", "yoke", "collar", "waistband", "hem_band", "cuff", "left_cuff", "right_cuff", "none",
     "side_skirt_front", "side_skirt_back", "gore",
 ]  # fmt: skip
 Copies = Annotated[Integer, Field(ge=0, le=50)]
@@ -291,11 +291,19 @@ class GarmentSpec(Wearable):
     @property
     def is_drafted(self) -> bool:
         """Whether it is a pattern of pieces alone, which are laid round the body."""
-        return self.pattern is not None and is_drafted(self.pattern)
+        if self.pattern is None:
+            return False
+        from warp_cloth.pattern import is_drafted  # fifty modules that few scenes need
+
+        return is_drafted(self.pattern)
 
     @property
     def draft_options(self) -> DraftOptions:
         """What the scene states of a DXF pattern."""
+        from warp_cloth.pattern import DraftOptions
+        from warp_cloth.pattern.draft import Stated
+        from warp_cloth.pattern.joints import StatedSeam
+
         return DraftOptions(
             self.size,
             1e-3 * (self.seam_allowance_mm or 0.0),
@@ -311,7 +319,11 @@ class GarmentSpec(Wearable):
     @property
     def grade_table(self) -> Path | None:
         """The grade rules of a DXF pattern, where they lie next to it."""
-        return grade_table_path(self.pattern) if self.pattern is not None and self.is_drafted else None
+        if self.pattern is None or not self.is_drafted:
+            return None
+        from warp_cloth.pattern import grade_table_path
+
+        return grade_table_path(self.pattern)
 
     @property
     def edge(self) -> float:

@@ -235,7 +235,7 @@ class LiveFit:
         if self._judged is None:
             outcome = Outcome(Status.AT_REST, self.check, self.points, self.iteration, 0.0)
             runs = finished_runs(self.problem, [outcome], [()])
-            (self._judged,) = finish_fits(self.problem, [Course(tuple(runs))], clock=StageClock())
+            (self._judged,) = finish_fits([Course(tuple(runs))], clock=StageClock())
             add_girths(self._judged)
         return self._judged
 

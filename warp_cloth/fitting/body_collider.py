@@ -1,4 +1,4 @@
-"""Colliders of a body that moves while a garment is sewn round it and carried home."""
+"""Colliders of a body that moves within a garment."""
 
 from __future__ import annotations
 
