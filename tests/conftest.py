@@ -35,6 +35,8 @@ def pytest_configure(config: pytest.Config) -> None:
         config.add_cleanup(partial(shutil.rmtree, folder, ignore_errors=True))
         for device in ("cpu", "cuda"):  # commands do not say that it is their first run
             note_kernels(device, str(Path(__file__).parent))
+    # Threads of NumPy's BLAS wait for each other busily: on two busy cores, 16 s of test_reference.py were 3.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of xdist's workers, and of commands
     if hasattr(config, "workerinput"):  # other cores have work, and whoever compiles reads headers for 2 s first
         compiling.core_count = lambda: 1
 

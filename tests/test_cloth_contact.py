@@ -194,9 +194,7 @@ def test_worn_cloth_gets_room_for_more_pairs_at_the_same_iteration_whether_or_no
                 relaxation.drop_graphs()
 
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 900)
-        (outcome,) = relax_items(
-            relaxation, Certifier(relaxation), [goal], schedule=schedule, on_burst=squeeze, ahead=ahead
-        )
+        (outcome,) = relax_items(Certifier(relaxation), [goal], schedule=schedule, on_burst=squeeze, ahead=ahead)
         assert 5 in seen
         assert seen[-1] > 5
         ends.append((outcome.points, seen))
@@ -211,8 +209,8 @@ def test_what_is_measured_at_the_end_is_the_same_whether_or_not_the_loop_ran_ahe
         schedule = ContactSchedule(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
         anything = Goal(Tolerance(np.inf, np.inf, np.inf, np.inf), 2000)
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 700)
-        relax_items(relaxation, Certifier(relaxation), [goal], schedule=schedule, ahead=ahead)  # till it is through
-        (outcome,) = relax_items(relaxation, Certifier(relaxation), [anything], schedule=schedule, ahead=ahead)
+        relax_items(Certifier(relaxation), [goal], schedule=schedule, ahead=ahead)  # till it is through
+        (outcome,) = relax_items(Certifier(relaxation), [anything], schedule=schedule, ahead=ahead)
         assert outcome.iterations % 500
         loads.append(contact_forces(relaxation.model, cloth_contact, relaxation))
         assert loads[-1].any()
@@ -246,7 +244,7 @@ def test_cloth_that_goes_on_unseen_between_two_checks_ends_in_the_same_shape() -
         relaxation, cloth_contact = dropped(0.9995, gathers)
         schedule = ContactSchedule(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 950)
-        (outcome,) = relax_items(relaxation, Certifier(relaxation), [goal], schedule=schedule, ahead=gathers)
+        (outcome,) = relax_items(Certifier(relaxation), [goal], schedule=schedule, ahead=gathers)
         shapes.append(outcome.points)
     assert np.array_equal(*shapes)
 

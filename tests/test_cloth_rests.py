@@ -42,9 +42,7 @@ def at_rest(folder: Path, name: str) -> Problem:
     garment = {"mesh": str(folder / "cloth.obj"), "rest": "uv", "units": "m", "fabric": "jersey", **of_garment}
     made = load_problem(load_scene({"garment": garment, "collision": {"cloth": True}, **of_scene}), "cpu")
     follow = collider_updates(made)
-    outcome = relax_to_rest(
-        made.relaxation, made.certifier, Goal(SETTLED, LIMIT), follow=follow, schedule=made.schedule
-    )
+    outcome = relax_to_rest(made.certifier, Goal(SETTLED, LIMIT), follow=follow, schedule=made.schedule)
     assert outcome.status is Status.AT_REST
     return made
 

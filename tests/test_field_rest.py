@@ -31,7 +31,7 @@ def residuals(avatar: str) -> np.ndarray:
         left.append(look.relative_rms[0])
 
     goal = Goal(Tolerance(0.0, 0.0, 0.0), ITERATIONS)
-    relax_items(made.relaxation, made.certifier, [goal], follow=collider_updates(made), on_check=told)
+    relax_items(made.certifier, [goal], follow=collider_updates(made), on_check=told)
     return np.array(left)
 
 

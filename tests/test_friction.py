@@ -76,9 +76,7 @@ def worn_t_shirt(*overrides: str) -> tuple[Problem, np.ndarray]:
     own = ["garment.shape.edge_mm=30", "collision.pixel_mm=4", "collision.cloth=false"]
     scene = warp_cloth.load_scene("tshirt", [*own, *overrides])
     made = load_problem(scene, "cpu")
-    outcome = relax_to_rest(
-        made.relaxation, made.certifier, Goal(tolerance_of(scene), limit_of(scene)), follow=collider_updates(made)
-    )
+    outcome = relax_to_rest(made.certifier, Goal(tolerance_of(scene), limit_of(scene)), follow=collider_updates(made))
     assert outcome.status is Status.AT_REST
     return made, outcome.points
 

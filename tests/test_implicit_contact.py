@@ -99,6 +99,6 @@ def test_steps_are_implicit_once_nothing_crosses_and_end_where_it_is_another_one
     relaxation, cloth_contact = dropped(gathers=False)
     schedule = ContactSchedule(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
     goal = Goal(Tolerance(0.0, 0.0, 0.0), 500, turn_after=turn_after)
-    (outcome,) = relax_items(relaxation, Certifier(relaxation), [goal], schedule=schedule)
+    (outcome,) = relax_items(Certifier(relaxation), [goal], schedule=schedule)
     assert cloth_contact.implicit_steps
     assert (outcome.iterations, outcome.cut_short) == ((200, CutShort.SLOW) if turn_after else (500, None))

@@ -28,7 +28,7 @@ def ended(changes: Sequence[Sequence[str]], *, ahead: bool) -> tuple[list[Outcom
     scenes = [load_scene("sphere", [*FALLING, *change]) for change in changes]
     made = build_problem(scenes, [load_outfit(scene) for scene in scenes], "cpu")
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
-    outcomes = relax_items(made.relaxation, made.certifier, goals, follow=collider_updates(made), ahead=ahead)
+    outcomes = relax_items(made.certifier, goals, follow=collider_updates(made), ahead=ahead)
     for item, outcome in enumerate(outcomes):
         np.testing.assert_array_equal(made.model.points(item), outcome.points)
     return outcomes, np.stack([np.asarray(made.certifier.normal_forces()), made.model.state.stiffness.numpy()])
@@ -63,9 +63,7 @@ def test_cloth_that_hangs_goes_from_check_to_check_in_fewer_graphs(monkeypatch: 
         monkeypatch.setattr(
             made.relaxation, "run", lambda count, run=run, counts=counts: (counts.append(count), run(count))
         )
-        (outcome,) = relax_items(
-            made.relaxation, made.certifier, [Goal(tolerance_of(scene), scene.solver.iterations)], on_burst=told
-        )
+        (outcome,) = relax_items(made.certifier, [Goal(tolerance_of(scene), scene.solver.iterations)], on_burst=told)
         shapes.append(outcome.points)
         graphs.append(counts)
     assert graphs == [[100, 100, 30], [20] * 11 + [10]]
@@ -93,9 +91,7 @@ def test_worn_cloth_that_stays_packed_between_checks_ends_with_the_same_bits(
         monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=gathers))
         made = build_problem(scenes, [load_outfit(scene) for scene in scenes], "cpu")
         goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
-        outcomes = relax_items(
-            made.relaxation, made.certifier, goals, follow=collider_updates(made), ahead=ahead and gathers
-        )
+        outcomes = relax_items(made.certifier, goals, follow=collider_updates(made), ahead=ahead and gathers)
         assert made.relaxation.stays_packed is gathers
         found.append(outcomes)
     for scattered, gathered in zip(*found, strict=True):

@@ -264,7 +264,7 @@ def test_the_planned_memory_bounds_what_is_held(gathers: bool, fabric: str, monk
     scene = load_scene("sphere", [*changes, "collision.pixel_mm=10"])
     outfit = load_outfit(scene)
     made = problem.build_problem([scene], [outfit], "cpu")
-    relax_items(made.relaxation, made.certifier, [Goal(tolerance_of(scene), 1500)])
+    relax_items(made.certifier, [Goal(tolerance_of(scene), 1500)])
     used = bytes_of(arrays_in([made.model, made.relaxation, made.certifier, made.contacts]))
     need = memory_need(scene, outfit, gathers=gathers)
     planned = need.own + need.shared

@@ -64,7 +64,7 @@ def rest_of(garment: Garment) -> Outcome:
     relaxation = relaxation_of([garment])
     certifier = Certifier(relaxation)
     wp.force_load("cpu", modules=[kernel.module for kernel in certifier.kernels()])
-    return relax_to_rest(relaxation, certifier, Goal(Tolerance(), LIMIT))
+    return relax_to_rest(certifier, Goal(Tolerance(), LIMIT))
 
 
 def shape_after(garments: list[Garment], iterations: int = 60, gathers: bool | None = None) -> np.ndarray:
@@ -119,7 +119,7 @@ def test_overstretched_seams_are_closed_before_steps_are_implicit() -> None:
 def test_any_number_of_iterations_can_be_asked_for(iterations: int) -> None:
     relaxation = relaxation_of([hanging(9)])
     certifier = Certifier(relaxation)
-    outcome = relax_to_rest(relaxation, certifier, Goal(Tolerance(), iterations))
+    outcome = relax_to_rest(certifier, Goal(Tolerance(), iterations))
     assert outcome.status is Status.ITERATION_LIMIT
     assert np.isfinite(outcome.points).all()
 
@@ -171,7 +171,7 @@ def test_cloth_at_rest_on_a_ball_stays_there() -> None:
     overrides = ["garment.shape.vertices_per_side=17", "solver.method=multilevel", "garment.fabric={stretch = 20000}"]
     overrides += ["collision.pixel_mm=10"]
     made = load_problem(load_scene("sphere", overrides), "cpu")
-    outcome = relax_to_rest(made.relaxation, made.certifier, Goal(Tolerance(), LIMIT), follow=collider_updates(made))
+    outcome = relax_to_rest(made.certifier, Goal(Tolerance(), LIMIT), follow=collider_updates(made))
     assert outcome.status is Status.AT_REST
     for _ in range(outcome.iterations // 100):
         made.relaxation.run(100)
@@ -192,7 +192,6 @@ def test_on_a_ball_scattered_and_gathered_forces_give_the_same_bits(monkeypatch:
         made = load_problem(load_scene("sphere", changes), "cpu")
         start_coarse(made)
         outcome = relax_to_rest(
-            made.relaxation,
             made.certifier,
             Goal(Tolerance(0.0, 0.0, 0.0), 900),
             follow=collider_updates(made),

@@ -85,9 +85,9 @@ def test_dressed_fits_have_the_same_bits_alone_in_company_and_in_any_order(devic
 def test_what_is_dressed_alike_is_dressed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     counts = []
 
-    def counted(relaxation, *rest, **more):  # type: ignore[no-untyped-def]
-        counts.append(relaxation.model.item_count)
-        return relax_items(relaxation, *rest, **more)
+    def counted(certifier, *rest, **more):  # type: ignore[no-untyped-def]
+        counts.append(certifier.relaxation.model.item_count)
+        return relax_items(certifier, *rest, **more)
 
     monkeypatch.setattr(predrape, "relax_items", counted)
     load_cache = LoadCache(0)

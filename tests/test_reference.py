@@ -70,7 +70,7 @@ def test_rest_is_where_the_energy_is_least(
     relaxation = build_relaxation(StepOptions(method=method), model, [Collider()], [loaded])
     certifier = Certifier(relaxation)
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + certifier.kernels()])
-    outcome = relax_to_rest(relaxation, certifier, Goal(CLOSE, LIMIT))
+    outcome = relax_to_rest(certifier, Goal(CLOSE, LIMIT))
     assert outcome.status is Status.AT_REST
 
     way = np.linalg.norm(outcome.points - least, axis=1)

@@ -48,6 +48,6 @@ def test_a_relaxation_without_progress_is_cut_short() -> None:
     scene = load_scene("hanging", ["garment.shape.vertices_per_side=5"])
     problem = build_problem([scene], [load_outfit(scene)], "cpu")
     goal = Goal(Tolerance(relative_rms=1e-30, rest_error=1e-30), 100_000, Patience.SHORT)
-    (outcome,) = relax_items(problem.relaxation, problem.certifier, [goal])
+    (outcome,) = relax_items(problem.certifier, [goal])
     assert (outcome.status, outcome.cut_short) == (Status.ITERATION_LIMIT, CutShort.STALLED)
     assert STALL[Patience.SHORT][0] < outcome.iterations < 100_000

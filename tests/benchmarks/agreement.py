@@ -129,7 +129,6 @@ def fitted(case: Case, problem: Problem, row: dict[str, Any]) -> Watch:
     watch = Watch(problem, wanted, beyond, math.inf if case.kind == "ball" else WEIGHTS)
     with suppress(ReachedError):
         relax_to_rest(
-            problem.relaxation,
             problem.certifier,
             Goal(NEVER, LIMIT),
             follow=collider_updates(problem),
@@ -185,9 +184,7 @@ def run_on(case: Case, wanted: FitOptions, other: Problem, problem: Problem) -> 
                 flush=True,
             )
 
-    outcome = relax_to_rest(
-        other.relaxation, other.certifier, Goal(BEYOND, most), follow=collider_updates(other), on_check=show
-    )
+    outcome = relax_to_rest(other.certifier, Goal(BEYOND, most), follow=collider_updates(other), on_check=show)
     words = f"float64 {method}, {outcome.iterations} iterations, {1e3 * outcome.check.rest_error:.3g} mm left"
     return outcome.points, outcome.check.residual.rms, words
 

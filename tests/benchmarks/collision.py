@@ -145,7 +145,7 @@ def tell_residuals(rows: Sequence[dict[str, Any]]) -> None:
 
 def relaxed(made: Problem, goals: Sequence[Goal], on_check: Any = None) -> list[Outcome]:
     """The items, run to their goals."""
-    return relax_items(made.relaxation, made.certifier, goals, follow=collider_updates(made), on_check=on_check)
+    return relax_items(made.certifier, goals, follow=collider_updates(made), on_check=on_check)
 
 
 def posed(pose: str, pixels: Sequence[float], limit: int, device: str) -> dict[str, Any]:

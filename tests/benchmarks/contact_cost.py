@@ -111,7 +111,6 @@ class Fits:
         wp.synchronize_device(self._device)
         began = time.perf_counter()
         out = relax_to_rest(
-            made.relaxation,
             made.certifier,
             Goal(tolerance, limit),
             follow=collider_updates(made),

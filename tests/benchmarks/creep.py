@@ -102,9 +102,7 @@ def _creep(problem: Problem, names: Sequence[str], errors: Sequence[float], limi
 
     goals = [Goal(NEVER, limit + FURTHER)] * len(names)
     # not ahead: the stored shape is the one that was checked
-    relax_items(
-        problem.relaxation, problem.certifier, goals, follow=collider_updates(problem), on_check=record, ahead=False
-    )
+    relax_items(problem.certifier, goals, follow=collider_updates(problem), on_check=record, ahead=False)
     return list(rows.values())
 
 

@@ -42,7 +42,6 @@ def timed(figures: Figures, name: str, scene: str | dict[str, Any], options: arg
         built.append(time.perf_counter() - began)
         tolerance, limit = tolerance_of(chosen), limit_of(chosen)
         outcome = relax_to_rest(
-            problem.relaxation,
             problem.certifier,
             Goal(tolerance, limit),
             follow=collider_updates(problem),

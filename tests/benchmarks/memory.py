@@ -59,7 +59,6 @@ def main() -> None:
     )
     tell("built", whole - 1e-9 * planned["report"])
     outcome = relax_to_rest(
-        problem.relaxation,
         problem.certifier,
         Goal(tolerance_of(scene), options.iterations),
         follow=collider_updates(problem),

@@ -146,7 +146,6 @@ def run_case(
         idle += time.perf_counter() - entered
 
     outcome = relax_to_rest(
-        problem.relaxation,
         problem.certifier,
         Goal(BEYOND, limit),
         follow=collider_updates(problem),

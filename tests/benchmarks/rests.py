@@ -67,9 +67,7 @@ def rested(name: str, tolerance: float, limit: int, device: str) -> dict[str, An
         made = load_problem(scene, device)
     began = time.perf_counter()
     goal = Goal(tolerance_of(scene), scene.solver.iterations)
-    outcome = relax_to_rest(
-        made.relaxation, made.certifier, goal, follow=collider_updates(made), schedule=made.schedule
-    )
+    outcome = relax_to_rest(made.certifier, goal, follow=collider_updates(made), schedule=made.schedule)
     seconds = time.perf_counter() - began
     cloth_contact = made.relaxation.cloth_contact
     assert cloth_contact is not None

@@ -41,7 +41,6 @@ def fitted(case: Case, device: str, start: int, further: int) -> tuple[float, st
         shake(problem, start)
     levels = start_coarse(problem)
     outcome = relax_to_rest(
-        problem.relaxation,
         problem.certifier,
         Goal(tolerance_of(problem.scenes[0]), LIMIT),
         follow=collider_updates(problem),

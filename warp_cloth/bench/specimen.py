@@ -91,7 +91,7 @@ class Specimens:
         if self.model.state.stiffness:
             self.model.state.stiffness.zero_()
         certifier = Certifier(self._relaxation)
-        outcomes = relax_items(self._relaxation, certifier, [Goal(tolerance, limit)] * self.count)
+        outcomes = relax_items(certifier, [Goal(tolerance, limit)] * self.count)
         for item, outcome in enumerate(outcomes):
             self.model.set_points(outcome.points, item)
         self._load.zero_()

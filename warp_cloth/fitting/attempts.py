@@ -207,7 +207,6 @@ def start_where_left(problem: Problem, outcome: Outcome) -> None:
 def relax_problem(problem: Problem, on_burst: Callable[[int, Relaxation], None] | None = None) -> list[Outcome]:
     """Relaxes the items of a problem; ``on_burst`` as in ``relax_items``."""
     return relax_items(
-        problem.relaxation,
         problem.certifier,
         problem.goals(),
         follow=collider_updates(problem),

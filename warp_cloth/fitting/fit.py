@@ -288,7 +288,6 @@ def _relax(problem: Problem, frames: int, progress: Callable[[Progress], None] |
     if progress is not None:
         progress(Progress("relax", 0, limit))
     return relax_to_rest(
-        problem.relaxation,
         problem.certifier,
         goal,
         frames=frames,

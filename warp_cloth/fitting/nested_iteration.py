@@ -77,7 +77,7 @@ def start_from_coarse(
         follow = None if tracker is None else tracker.callback(model)
         if runs and runs[-1].status is not Status.DIVERGED:
             level.start_near_rest()
-        outcome = relax_to_rest(level, certifier, Goal(looser, limit), follow=follow)
+        outcome = relax_to_rest(certifier, Goal(looser, limit), follow=follow)
         runs.append(LevelRun(model.vertex_count, outcome.iterations, outcome.status))
         finer = levels[number - 1] if number else relaxation.hierarchies
         if outcome.status is not Status.DIVERGED:

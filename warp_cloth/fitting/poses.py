@@ -68,7 +68,7 @@ def follow_poses(
         WORN * tolerance.rest_error,
         WORN * tolerance.growing,
     )
-    outcome = relax_to_rest(relaxation, certifier, Goal(worn, limit), follow=follow, schedule=schedule, ahead=False)
+    outcome = relax_to_rest(certifier, Goal(worn, limit), follow=follow, schedule=schedule, ahead=False)
     iterations, steps = outcome.iterations, 0
     for start, end in itertools.pairwise(poses):
         count = _steps(relaxation.model.points(), start, end)

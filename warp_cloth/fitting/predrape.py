@@ -126,7 +126,7 @@ def _relax_missing(problem: Problem, predrape: Predrape) -> None:
 
     What crosses there goes on with contact, once for all fabrics, each of which would cross there, too.
     """
-    outcomes = relax_items(problem.relaxation, problem.certifier, problem.goals(), follow=collider_updates(problem))
+    outcomes = relax_items(problem.certifier, problem.goals(), follow=collider_updates(problem))
     crossings = end_crossings(problem, outcomes) if any(predrape.untangles) else []
     for item, ((sources, *values), outcome) in enumerate(zip(predrape.missing, outcomes, strict=True)):
         if outcome.status is Status.DIVERGED:

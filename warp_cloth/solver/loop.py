@@ -72,7 +72,6 @@ class FrameRecorder:
 
 
 def relax_to_rest(
-    relaxation: Relaxation,
     certifier: Certifier,
     goal: Goal,
     *,
@@ -86,8 +85,7 @@ def relax_to_rest(
     """Runs the iterations of a single item, as ``relax_items`` does.
 
     Args:
-        relaxation: what iterates.
-        certifier: what measures it.
+        certifier: of the relaxation that iterates.
         goal: when to stop.
         frames: number of intermediate shapes to record, at least.
         follow: gives new colliders to items that leave the region of the old ones.
@@ -103,7 +101,6 @@ def relax_to_rest(
             on_check(certifier.check(measured, 0), seconds)
 
     (outcome,) = relax_items(
-        relaxation,
         certifier,
         [goal],
         follow=follow,
@@ -118,7 +115,6 @@ def relax_to_rest(
 
 
 def relax_items(
-    relaxation: Relaxation,
     certifier: Certifier,
     goals: Sequence[Goal],
     *,
@@ -139,8 +135,7 @@ def relax_items(
     a burst after the measurement that called for them, on every device.
 
     Args:
-        relaxation: what iterates.
-        certifier: what measures it.
+        certifier: of the relaxation that iterates.
         goals: of the items, in their order.
         follow: gives new colliders to items that leave the region of the old ones.
         schedule: of contact of cloth with cloth; such a scene is a single item.
@@ -150,7 +145,7 @@ def relax_items(
         ahead: whether iterations run while a check is read; None: if that saves time. Must be off if more iterations
             follow the end: displacements and stiffness bounds are not restored.
     """
-    return _Loop(relaxation, certifier, goals, follow, schedule, crosses, on_check, ahead).run(on_burst)
+    return _Loop(certifier, goals, follow, schedule, crosses, on_check, ahead).run(on_burst)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +178,6 @@ class _Loop:
 
     def __init__(
         self,
-        relaxation: Relaxation,
         certifier: Certifier,
         goals: Sequence[Goal],
         follow: Follow | None,
@@ -192,9 +186,9 @@ class _Loop:
         on_check: Callable[[Measurement, float], None] | None,
         ahead: bool | None,
     ) -> None:
-        self._relaxation, self._certifier = relaxation, certifier
+        self._relaxation, self._certifier = certifier.relaxation, certifier
         self._goals, self._follow, self._schedule, self._on_check = goals, follow, schedule, on_check
-        self._ahead = wp.get_device(relaxation.model.device).is_cuda if ahead is None else ahead
+        self._ahead = wp.get_device(certifier.relaxation.model.device).is_cuda if ahead is None else ahead
         self._active = list(range(len(goals)))
         self._falling = list(self._active)
         self._positions: _Positions | None = None  # which colliders are to follow after the next burst

@@ -69,7 +69,6 @@ def run_with_stops(scene: Scene, device: str, stops: Collection[int]) -> list[Ru
     prepare_start(problem, cache, clock)
     (goal,) = problem.goals()
     (outcome,) = relax_items(
-        problem.relaxation,
         problem.certifier,
         [goal],
         follow=collider_updates(problem),

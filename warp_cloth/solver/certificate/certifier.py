@@ -121,7 +121,7 @@ class Certifier:
         model = relaxation.model
         types, state = cloth_types(model.precision), model.state
         self._model = model
-        self._relaxation = relaxation
+        self.relaxation = relaxation
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, Accumulate.MAGNITUDE, self._load)
         options = relaxation.avatar_contact, relaxation.collider_type, model.terms.pins
@@ -158,7 +158,7 @@ class Certifier:
 
     def start_measurement(self, iteration: int) -> PendingMeasurement:
         """Measures all items that iterate, as they are now, without waiting for the device."""
-        relaxation, model = self._relaxation, self._model
+        relaxation, model = self.relaxation, self._model
         self._sum_forces()
         active = relaxation.active_set.vertices
         inputs = [relaxation.step, CONTACT_SLACK, relaxation.collider_data, self._load, self._residual]
@@ -275,14 +275,14 @@ class Certifier:
         return self._summary.request(self._residual, shapes)
 
     def _sum_forces(self) -> None:
-        relaxation = self._relaxation
+        relaxation = self.relaxation
         self._forces.launch(relaxation.step)
         if relaxation.cloth_contact is not None and relaxation.cloth_contact.awake:
             relaxation.cloth_contact.measure(relaxation.contact_state(), relaxation.step, self._load)
 
     def normal_forces(self) -> NDArray[np.float64] | None:
         """Force with which each vertex presses on the avatar [N], shape [V]; None without contact. Waits."""
-        model, relaxation = self._model, self._relaxation
+        model, relaxation = self._model, self.relaxation
         if relaxation.avatar_contact is None:
             return None
         self._sum_forces()
