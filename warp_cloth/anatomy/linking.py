@@ -157,16 +157,8 @@ class Wearing:
 
     @property
     def is_round_head(self) -> bool:
-        """Whether the head, not the neck, would be within the neckline where the garment is to start.
-
-        Not one that is wider than a circle over both shoulders: the head grows through it, and straps on the edge of
-        the shoulders would slide off as they are lowered.
-        """
-        if not self.too_high > NECK:
-            return False
-        right, left = (self.skeleton.curves[arm][self.skeleton.joints[arm]] for arm in ARMS)
-        girths = [each.girth for each, limbs in zip(self.openings, self.limbs, strict=True) if HEAD in limbs]
-        return min(girths, default=np.inf) < np.pi * float((left - right) @ self.skeleton.left)
+        """Whether the head, not the neck, would be within the neckline where the garment is to start."""
+        return self.too_high > NECK
 
     def over_shoulders(self, points: Points) -> float:
         """How much higher the garment at ``points`` [m] is than on the shoulders [m]; 0: it has none."""
