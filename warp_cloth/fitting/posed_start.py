@@ -27,29 +27,15 @@ from warp_cloth.fitting.body_collider import BodyCollider
 from warp_cloth.fitting.film import DressedShape, Dressing
 from warp_cloth.fitting.problem import Problem, build_problem
 from warp_cloth.garment.outfit import Outfit, garments_in
-from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.attempt import Attempt, Patience
 from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.scene import Scene
-from warp_cloth.scene.schema import SolverSpec
+from warp_cloth.scene.sewing import SEWING, sewing_scene_of
 from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.loop import BURST
 
-# Light and stretchy, so that seams close at once, and stiff in folds: with a hundredth of the bending it crumples.
-FABRIC = Fabric(
-    name="sewing",
-    weight=3e-3,
-    stretch_warp=20e3,
-    stretch_weft=20e3,
-    bending_warp=1e-5,
-    bending_weft=1e-5,
-    thickness=1e-3,
-    friction=0.0,
-)
-FRICTION = 0.5  # of cloth on skin: without any, straps slide off shoulders that grow under them
 THIN = 0.03  # [m]; what the body has at most around its curves while it is within the garment
 THICK = 0.25  # [m]; what it has just before it is whole
-SEWING = 1500  # iterations at most
 CHECK = 100  # iterations between looks at the seams, or at what falls
 UNTANGLING = 2000  # iterations at most of cloth that crosses, round a thin body
 SEWN = 0.2  # strain of the edges of seams that have closed
@@ -201,7 +187,7 @@ class _Dressing:
         if wearing is None or avatar is None:
             raise ValueError("the garment has no openings, or the avatar no limbs")
         self.wearing, self._avatar, self._device = wearing, avatar, device
-        sewing = _sewing_scene(scene, offset)
+        sewing = sewing_scene_of(scene, offset)
         (garment,) = garments_in(sewing, outfit.meshes)
         garment = replace(garment, points=parted(wearing, wearing.onto) if worn is None else worn)
         self._body = PosedBody(avatar, wearing.skeleton)
@@ -410,24 +396,3 @@ class _Dressing:
 def _thickness(done: float) -> float:
     """What a growing body has at most around its curves after this fraction of its steps [m]."""
     return THIN + (THICK - THIN) * done**GROWTH
-
-
-def _sewing_scene(scene: Scene, offset: float) -> Scene:
-    """The scene in the fabric that is sewn."""
-    avatar = scene.avatar
-    solver = SolverSpec(
-        method="accelerated",
-        start="placed",
-        iterations=SEWING,
-        precision=scene.solver.precision,
-        threads=scene.solver.threads,
-    )
-    return scene.model_copy(
-        update={
-            "name": "sewing",
-            "garments": tuple(spec.model_copy(update={"fabric": FABRIC}) for spec in scene.garments),
-            "avatar": None if avatar is None else avatar.model_copy(update={"friction": FRICTION}),
-            "collision": scene.collision.model_copy(update={"avatar": "depth", "offset_mm": 1e3 * offset}),
-            "solver": solver,
-        }
-    )
