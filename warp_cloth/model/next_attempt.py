@@ -61,8 +61,9 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     """What a scene is fitted with after these attempts; None: all is well, or there is nothing else to try.
 
     Cloth that crosses is relaxed again with contact. Cloth that is torn or tangled round a limb is sewn again, round
-    the avatar as it is posed within the garment, and so is what slid down or slipped off the shoulders. Where the
-    avatar shows through faces, it is padded under them. Cloth that does not come to rest is relaxed by the multilevel
+    the avatar as it is posed within the garment, and so is what slid down or slipped off the shoulders. What is
+    whole but crosses is untangled round the avatar as it is thinned within it. Where the avatar shows through faces, it
+    is padded under them. Cloth that does not come to rest is relaxed by the multilevel
     method without contact, which sews and lets fall as a whole; where that leaves few crossings they are then undone,
     and where it leaves many the attempt with contact goes on. No other way of starting follows a dressed start.
     """
