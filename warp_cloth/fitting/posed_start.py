@@ -27,7 +27,7 @@ from warp_cloth.fitting.body_collider import BodyCollider
 from warp_cloth.fitting.film import DressedShape, Dressing
 from warp_cloth.fitting.problem import Problem, build_problem
 from warp_cloth.garment.outfit import Outfit, garments_in
-from warp_cloth.model.attempt import Attempt, Patience
+from warp_cloth.model.attempt import TORN, Attempt, Patience
 from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.scene import Scene
 from warp_cloth.scene.sewing import SEWING, sewing_scene_of
@@ -48,6 +48,7 @@ PULLS = 60  # at most
 NEAR = 0.003  # [m] from where they are pulled to
 BELOW_CROTCH = 0.03  # [m] that they stay under the body's crotch, where growing thighs would pinch them
 TUGS = 30  # at most, with which straps are laid on the shoulders
+TAUT = 0.002  # fraction of edges stretched as no worn cloth is, at which they do not give, as of tight sleeves
 LOWERING_STEPS = 40  # in which a garment that starts above the shoulders comes down onto them
 GROWTH = 2.0  # exponent of the thickness over the steps: slow while limbs move
 GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
@@ -326,7 +327,7 @@ class _Dressing:
         """Tugs the straps of a garment inwards along the shoulders, while arms are still raised."""
         for _ in range(TUGS):
             moved = tugged(self.wearing.shoulders, self._points, self.wearing.triangles)
-            if moved is None:
+            if moved is None or float((edge_strains(self._problem.model) > TORN).mean()) > TAUT:
                 break
             self._problem.model.set_points(moved)
             self._meet_body()
