@@ -264,6 +264,15 @@ def test_what_still_tears_is_sewn_again_and_lifted() -> None:
     assert decisions(following(*history, Ended(lifted, LIMIT, 0, VERTICES))) == ("multilevel", False, 3)
 
 
+def test_what_slips_off_as_it_is_carried_onto_the_shoulders_is_lifted() -> None:
+    posed = replace(first("tshirt", *SMALL_SHIRT), posed=True)
+    slipped = Ended(posed, REST, 0, VERTICES, slipped=True)
+    lifted = following(slipped)
+    assert lifted is not None
+    assert (lifted.posed, lifted.lifted, lifted.begins_after) == (True, True, None)
+    assert following(slipped, Ended(lifted, REST, 0, VERTICES, slipped=True)) is None
+
+
 def test_the_body_stays_padded_where_it_showed_through() -> None:
     shirt = {"shape": {"kind": "tshirt", "edge_mm": 50}}
     scene = {"garment": shirt, "avatar": {"shape": {"kind": "mannequin"}}}

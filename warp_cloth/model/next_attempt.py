@@ -165,8 +165,9 @@ def _last_resort(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     may_lift = any(wearing is not None and not wearing.is_skirt for wearing in outfit.wearing)
     is_torn = best.torn > 0 or best.misplaced
     posed = [each.attempt for each in history if each.attempt.posed]
-    if is_torn and may_lift and posed and not any(attempt.lifted for attempt in posed):
-        return replace(_posed(stated, outfit, "it was torn as it hung on the avatar", last=False), lifted=True)
+    if (is_torn or best.slipped) and may_lift and posed and not any(attempt.lifted for attempt in posed):
+        why = "it was torn as it hung on the avatar" if is_torn else "it slipped off the shoulders, carried onto them"
+        return replace(_posed(stated, outfit, why, last=False), lifted=True)
     return None
 
 
