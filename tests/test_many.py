@@ -86,6 +86,21 @@ def assert_same(fit: Fit | Exception, alone: Fit) -> None:
     assert figures(fit) == figures(alone)
 
 
+def test_copies_of_the_process_measure_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    fabrics = ("cotton", "denim", "silk", "jersey")
+    short = ("garment.shape.vertices_per_side=9", "solver.iterations=20", "collision.pixel_mm=20")
+    scenes = [
+        load_scene("sphere", [*short, f"garment.fabric={fabric}", f"avatar.friction={friction}"])
+        for fabric in fabrics
+        for friction in (0.1, 0.3)
+    ]
+    here = fit_many(scenes, "cpu", together=len(scenes))
+    monkeypatch.setattr(LoadCache, "spare_cores", 2)
+    for fit, alone in zip(fit_many(scenes, "cpu", together=len(scenes), load_cache=LoadCache(0)), here, strict=True):
+        assert isinstance(alone, Fit)
+        assert_same(fit, alone)
+
+
 @pytest.mark.parametrize(("device", "gathers"), [("cpu", False), ("cpu", True), CUDA])
 def test_an_item_has_the_same_bits_alone_in_company_and_in_any_order(
     device: str, gathers: bool, monkeypatch: pytest.MonkeyPatch

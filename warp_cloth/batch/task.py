@@ -133,10 +133,11 @@ class _TaskRun:
         budget = available_bytes(device, self._task.fraction)
         every = [scene for _, scene in scenes]
         fits = fit_many(every, device, budget=budget, load_cache=self._load_cache, lease=self._task.lease)
-        copies = 0 if self._load_cache is None else self._load_cache.spare_cores
-        for fit, girths in zip(fits, map_in_forks(self._girths, fits, copies), strict=True):
-            if isinstance(fit, Fit):
-                fit.report.update(girths)
+        if self._task.store.ease:
+            copies = 0 if self._load_cache is None else self._load_cache.spare_cores
+            for fit, girths in zip(fits, map_in_forks(self._girths, fits, copies), strict=True):
+                if isinstance(fit, Fit):
+                    fit.report.update(girths)
         return [self._result(item, fit) for (item, _), fit in zip(scenes, fits, strict=True)]
 
     def _girths(self, fit: Fit | Exception) -> dict[str, Any]:
