@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
+import ezdxf
 import numpy as np
 import pytest
 from dxf_patterns import TRUE_SEAMS, Drafted, bezier, line, tshirt
@@ -17,6 +19,7 @@ from test_dxf import kinds
 
 from warp_cloth.pattern import read_drafted
 from warp_cloth.pattern.chain import Chain
+from warp_cloth.pattern.dxf_binary import as_text
 from warp_cloth.pattern.dxf_names import with_usable_names
 from warp_cloth.pattern.facings import is_facing
 from warp_cloth.pattern.kinds import named
@@ -161,3 +164,29 @@ def test_a_named_facing_is_no_second_front(tmp_path: Path) -> None:
     draft = read_drafted(blocks(*both, ("FRONT NECK INSIDE", facing)).finish(tmp_path / "faced.dxf"))
     assert kinds(draft) == TRUE_SEAMS["tshirt"]
     assert any('"FRONT NECK INSIDE" is left out: it faces another piece' in note for note in draft.notes)
+
+
+@pytest.mark.parametrize(("page", "name"), [("cp932", "ポケット"), ("cp932", "表前"), ("cp950", "功許蓋")])
+def test_letters_of_two_bytes_are_no_forbidden_ones(page: str, name: str) -> None:
+    lines = b"  0\nBLOCK\n  2\n" + name.encode(page) + b"\n  0\nENDBLK\n"
+    assert with_usable_names(lines) == lines
+
+
+def test_blocks_that_differ_in_a_forbidden_letter_stay_two() -> None:
+    lines = b"\n".join(b"0\nBLOCK\n2\n" + name for name in (b"A/1", b"A_1", b"A:1"))
+    assert with_usable_names(lines).split(b"\n")[3::4] == [b"A_1", b"A_1~~2", b"A_1~~3"]
+
+
+def test_doubled_line_ends_and_single_ones_within_a_text_are_read() -> None:
+    assert with_usable_names(b"0\r\r\nTEXT\r\r\n1\r\r\nA\rB\r\r\n") == b"0\nTEXT\n1\nA\rB\n"
+
+
+@pytest.mark.parametrize(("version", "page"), [("R2000", "cp1251"), ("R2010", "utf-8")])
+def test_binary_files_keep_their_letters(version: str, page: str) -> None:
+    document = ezdxf.new(version)
+    document.encoding = page
+    document.header["$DWGCODEPAGE"] = "ANSI_1251"
+    document.modelspace().add_text("ПЕРЕД")
+    stream = io.BytesIO()
+    document.write(stream, fmt="bin")
+    assert "ПЕРЕД".encode(page) in as_text(stream.getvalue())

@@ -7,6 +7,7 @@ import signal
 
 import pytest
 
+from warp_cloth.base import forks
 from warp_cloth.base.forks import LEAST_ITEMS, map_in_forks
 
 ITEMS = range(4 * LEAST_ITEMS)
@@ -48,3 +49,40 @@ def test_what_fails_here_too_is_raised() -> None:
 
     with pytest.raises(ZeroDivisionError):
         map_in_forks(work, ITEMS, 4)
+
+
+@needs_fork
+def test_what_no_process_could_be_copied_for_is_done_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    fork, made = os.fork, list[int]()
+
+    def twice() -> int:
+        made.append(1)
+        if len(made) > 2:
+            raise OSError("no memory")
+        return fork()
+
+    monkeypatch.setattr(os, "fork", twice)
+    assert map_in_forks(lambda item: item, ITEMS, 4) == list(ITEMS)
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+
+
+@needs_fork
+def test_copies_end_with_the_process_that_made_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(forks, "_receive", lambda *_: os.kill(os.getpid(), signal.SIGKILL))
+    copied, into = os.pipe()
+
+    def work(_: int) -> bytes:
+        os.write(into, b".")
+        return bytes(1 << 20)  # more than a pipe takes
+
+    parent = os.fork()
+    if not parent:
+        map_in_forks(work, ITEMS, 4)
+        os._exit(0)
+    os.close(into)
+    _, status = os.waitpid(parent, 0)
+    assert os.WTERMSIG(status) == signal.SIGKILL
+    while os.read(copied, 64):
+        pass  # until all copies have ended, too
+    os.close(copied)

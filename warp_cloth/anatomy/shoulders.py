@@ -76,7 +76,8 @@ class Shoulders:
     def placed(self) -> list[int]:
         """The arms whose shoulder the garment lay over."""
         begun, skin = self.begun, self.skin
-        return [arm for arm in self.sides if begun[arm].inner < 1.0 and begun[arm].top > BEGAN * skin[arm]]
+        told = [arm for arm in self.sides if np.isfinite(skin[arm])]  # on a coarse body no vertex may be there
+        return [arm for arm in told if begun[arm].inner < 1.0 and begun[arm].top > BEGAN * skin[arm]]
 
     def slipped(self, worn: Points, triangles: Indices) -> tuple[int, ...]:
         """The arms whose shoulder the garment has slipped off, with its points as worn [m], shape [V, 3]."""

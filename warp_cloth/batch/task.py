@@ -154,7 +154,7 @@ class _TaskRun:
     def _add_girths(self, fit: Fit) -> None:
         from warp_cloth.maps.measure import MeasuredBody, add_girths
 
-        if self._task.store.ease and fit.avatar is not None:
+        if self._task.store.ease and fit.avatar is not None and "girths_mm" not in fit.report:
             if self._body is None or self._body.avatar is not fit.avatar:
                 self._body = MeasuredBody.of(fit.avatar)
             add_girths(fit, self._body)

@@ -1,4 +1,4 @@
-"""Straps laid on the shoulders again, which the arms took outwards as they came down: as a wearer tugs them inwards."""
+"""Straps laid on the shoulders again, which the growing body took outwards: as a wearer tugs them inwards."""
 
 from __future__ import annotations
 

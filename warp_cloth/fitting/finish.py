@@ -63,8 +63,8 @@ def finish_fits(
         )
         return problems, report
 
-    every = map_in_forks(told, range(len(runs)), copies)
     clock.lap("measure")
+    every = map_in_forks(told, range(len(runs)), copies)
     results = []
     for course, run, (problems, report) in zip(courses, runs, every, strict=True):
         scene, outfit, outcome = run.attempt.scene, run.outfit, run.outcome

@@ -227,7 +227,9 @@ class _Dressing:
     def _no_sleeves(self) -> list[Indices]:
         """For each arm the triangles that are far from its opening, and nearer to the hem."""
         triangles, distances = self.wearing.triangles, self.wearing.distances()
-        to_hem = distances.get(LEGS, np.zeros(len(self._points)))
+        to_hem = next(
+            (each for limbs, each in distances.items() if set(LEGS) <= set(limbs)), np.zeros(len(self._points))
+        )
         none = np.full(len(self._points), np.inf)
         to_arm = [np.min([none, *(each for limbs, each in distances.items() if arm in limbs)], axis=0) for arm in ARMS]
         return [triangles[((near > SLEEVE) & (near > to_hem))[triangles].all(axis=1)] for near in to_arm]

@@ -13,7 +13,8 @@ from collections import Counter
 BLOCK, INSERT, RECORD, LAYER = b"BLOCK", b"INSERT", b"BLOCK_RECORD", b"LAYER"
 NAMING = {BLOCK: (b"2", b"3"), INSERT: (b"2",), RECORD: (b"2",), LAYER: (b"2",)}  # group codes that hold the name
 LAYER_CODE = b"8"
-FORBIDDEN = re.compile(rb'[<>/":;?|=,`\x00-\x1f]|(?<=.)\*|\\(?![UM]\+)')
+# some may be the second byte of a Japanese or Chinese letter, after one beyond ASCII
+FORBIDDEN = re.compile(rb'[<>/":;?=,\x00-\x1f]|(?<=.)\*|(?<![\x80-\xff])[|`]|(?<![\x80-\xff])\\(?![UM]\+)')
 STAND_IN = b"_"
 AGAIN = "~~"  # before the number of a block whose name another one has, too
 _NUMBERED = re.compile(rf"{AGAIN}\d+$")
@@ -27,14 +28,15 @@ def written_name(block: str) -> str:
 def with_usable_names(data: bytes) -> bytes:
     """The bytes of an ASCII DXF file with names that are allowed, and of blocks unlike, and with clean lines."""
     lines = _lines(data)
-    counts = Counter(name.upper() for entity, code, _, name in _names(lines) if entity == BLOCK and code == b"2")
+    blocks = [name for entity, code, _, name in _names(lines) if entity == BLOCK and code == b"2"]
+    counts = Counter(FORBIDDEN.sub(STAND_IN, name).upper() for name in blocks)
     seen: Counter[tuple[bytes, bytes, bytes]] = Counter()
     changes: dict[int, bytes] = {}
     for entity, code, place, name in _names(lines):
         usable = FORBIDDEN.sub(STAND_IN, name)
-        alike = counts[name.upper()] if entity in (BLOCK, INSERT, RECORD) and code != LAYER_CODE else 1
+        alike = counts[usable.upper()] if entity in (BLOCK, INSERT, RECORD) and code != LAYER_CODE else 1
         if alike > 1:
-            key = (entity, code, name.upper())
+            key = (entity, code, usable.upper())
             number = seen[key] % alike
             seen[key] += 1
             usable += b"%s%d" % (AGAIN.encode(), number + 1) if number else b""
@@ -48,9 +50,9 @@ def with_usable_names(data: bytes) -> bytes:
 def _lines(data: bytes) -> list[bytes]:
     """The lines of a file in pairs of group code and value, without blanks behind or above them.
 
-    Line ends may be those of old Macs; polylines that run into the next entity get their end.
+    Line ends may be those of old Macs, or doubled; polylines that run into the next entity get their end.
     """
-    data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    data = re.sub(rb"\r+\n", b"\n", data) if b"\n" in data else data.replace(b"\r", b"\n")
     lines = [line.rstrip(b" \t") for line in data.removeprefix(b"\xef\xbb\xbf").split(b"\n")]
     first = next((place for place, line in enumerate(lines) if line), 0)
     lines = lines[first:]
