@@ -2,13 +2,10 @@
 
 import warp as wp
 
-from warp_cloth.kernels.math.closest_points import on_triangle_function
+from warp_cloth.kernels.math.closest_points import nearest_on_triangle
 from warp_cloth.kernels.math.real import inner, root, scaled_sum
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
-
-on_triangle = on_triangle_function(wp.float64)
-
 
 # Relative and absolute [m] excess over a distance of float32 within which other triangles may be closer.
 SLACK = wp.constant(1.0e-5)
@@ -29,7 +26,7 @@ def weights_on(surface: Surface, face: int, p: wp.vec3d) -> wp.vec3d:
     """Barycentric coordinates of the point of a triangle that is closest to p."""
     corners = surface.corners[face]
     a = surface.points[corners[0]]
-    return on_triangle(p - a, surface.points[corners[1]] - a, surface.points[corners[2]] - a)
+    return nearest_on_triangle(p - a, surface.points[corners[1]] - a, surface.points[corners[2]] - a)
 
 
 @wp.func

@@ -144,18 +144,20 @@ class _Side:
 
     def cover(self, points: Points, triangles: Indices) -> Cover:
         """Of a garment's cloth, in the frontal plane through the root."""
-        here = (points - self._middle) @ self._axes - self._root
-        ends = segments_at(here[:, 2], here[:, :2], triangles).reshape(-1, 2)
-        own = ends[ends[:, 0] > 0.0]
+        own = self._section(points, triangles)
         above = own[own[:, 1] > 0.0]
         return Cover(float(above[:, 0].min(initial=np.inf)), float(own[:, 1].max(initial=-np.inf)))
 
     def highest(self, points: Points, triangles: Indices) -> Floats | None:
         """Where the cloth in the frontal plane through the root is highest, shape [2]; None: there is none."""
+        own = self._section(points, triangles)
+        return own[int(own[:, 1].argmax())] if len(own) else None
+
+    def _section(self, points: Points, triangles: Indices) -> Floats:
+        """Ends of the segments along which that plane cuts a garment on this side, shape [N, 2]."""
         here = (points - self._middle) @ self._axes - self._root
         ends = segments_at(here[:, 2], here[:, :2], triangles).reshape(-1, 2)
-        own = ends[ends[:, 0] > 0.0]
-        return own[int(own[:, 1].argmax())] if len(own) else None
+        return ends[ends[:, 0] > 0.0]
 
     def place(self, here: Floats) -> Points:
         """A place of the frontal plane through the root [m], shape [3]."""

@@ -14,6 +14,7 @@ from warp_cloth.batch.store import Shard, Store, file_marks
 from warp_cloth.model.result import Status
 
 if TYPE_CHECKING:
+    from warp_cloth.base.mesh import Mesh
     from warp_cloth.batch.jobs import Item
     from warp_cloth.batch.loading import LoadCache
     from warp_cloth.fitting.fit import Fit
@@ -142,22 +143,21 @@ class _TaskRun:
 
     def _girths(self, fit: Fit | Exception) -> dict[str, Any]:
         """What a fit's report is to say of girths; nothing where they cannot be measured."""
+        from warp_cloth.maps.measure import girth_report
+
+        if isinstance(fit, Exception) or fit.avatar is None:
+            return {}
         try:
-            if isinstance(fit, Exception):
-                return {}
-            known = set(fit.report)
-            self._add_girths(fit)
-            return {key: fit.report[key] for key in fit.report.keys() - known}
+            return girth_report(fit, self._body_of(fit.avatar))
         except Exception:
-            return {}  # storing the fit tries again, and says why
+            return {}  # storing the fit measures again, and says why
 
-    def _add_girths(self, fit: Fit) -> None:
-        from warp_cloth.maps.measure import MeasuredBody, add_girths
+    def _body_of(self, avatar: Mesh) -> MeasuredBody:
+        from warp_cloth.maps.measure import MeasuredBody
 
-        if self._task.store.ease and fit.avatar is not None and "girths_mm" not in fit.report:
-            if self._body is None or self._body.avatar is not fit.avatar:
-                self._body = MeasuredBody.of(fit.avatar)
-            add_girths(fit, self._body)
+        if self._body is None or self._body.avatar is not avatar:
+            self._body = MeasuredBody.of(avatar)
+        return self._body
 
     def _result(self, item: Item, fit: Fit | Exception) -> ItemResult:
         try:
@@ -169,8 +169,11 @@ class _TaskRun:
 
     def _stored(self, item: Item, fit: Fit) -> ItemResult:
         """Writes an item's stage, or returns its points to be packed."""
+        from warp_cloth.maps.measure import add_girths
+
         store = self._task.store
-        self._add_girths(fit)
+        if store.ease and fit.avatar is not None and "girths_mm" not in fit.report:
+            add_girths(fit, self._body_of(fit.avatar))
         if store.keep == "stages":
             from warp_cloth.export.stage import write_stage
 

@@ -172,7 +172,7 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         problem = build_problem([attempt], [worn_by], device, cache=cache, clock=clock)
         levels: tuple[LevelRun, ...] = ()
         if attempt.begins_after is not None:
-            start_where_left(problem, runs[attempt.begins_after].outcome)
+            problem.place(runs[attempt.begins_after].outcome.points)
         if attempt.begins_after is None or attempt.thins:
             levels = begin(problem)
         clock.begin("relax")
@@ -195,13 +195,6 @@ def _worn_after(run: Run, paddings: int) -> Outfit:
     triangles = concatenate([garment.triangles for garment in outfit.garments], starts)
     points = padded(surface, run.outcome.points, triangles, overlap)
     return replace(outfit, padded=replace(surface, points=points))
-
-
-def start_where_left(problem: Problem, outcome: Outcome) -> None:
-    """Moves a lone scene's garments to where an earlier attempt left them."""
-    problem.model.set_points(outcome.points)
-    if not problem.contact.covers(outcome.points):
-        problem.relaxation.set_collider(0, problem.contact.collider(outcome.points))
 
 
 def relax_problem(problem: Problem, on_burst: Callable[[int, Relaxation], None] | None = None) -> list[Outcome]:

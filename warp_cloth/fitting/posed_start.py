@@ -92,10 +92,7 @@ def start_posed(
         watched[:] = [start.shapes for start in starts]
     parts = [start.points for start in starts if start.points is not None]
     if len(parts) == len(starts):
-        points = np.concatenate(parts)
-        problem.model.set_points(points)
-        if not problem.contact.covers(points):
-            problem.relaxation.set_collider(0, problem.contact.collider(points))
+        problem.place(np.concatenate(parts))
     clock.lap("dress")
     return tuple(start.run for start in starts)
 
@@ -119,10 +116,7 @@ def start_thinned(problem: Problem, clock: StageClock) -> tuple[LevelRun, ...]:
         end = dressing.ended()
         runs.append(end.run)
         parts.append(own if end.points is None else end.points)
-    points = np.concatenate(parts)
-    problem.model.set_points(points)
-    if not problem.contact.covers(points):
-        problem.relaxation.set_collider(0, problem.contact.collider(points))
+    problem.place(np.concatenate(parts))
     clock.lap("dress")
     return tuple(runs)
 

@@ -10,7 +10,7 @@ from typing import Any
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Points
-from warp_cloth.fitting.attempts import end_crossings, relax_alone, start_where_left
+from warp_cloth.fitting.attempts import end_crossings, relax_alone
 from warp_cloth.fitting.film import Dressing
 from warp_cloth.fitting.posed_start import start_posed, start_thinned
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse
@@ -144,7 +144,7 @@ def _untangled(problem: Problem, item: int, before: Outcome, pairs: int, cache: 
     touching = scene.model_copy(update={"collision": scene.collision.model_copy(update={"cloth": True})})
     attempt = replace(first_attempt(touching, outfit), patience=Patience.SHORT)
     alone = build_problem([attempt], [outfit], problem.model.device, cache=cache)
-    start_where_left(alone, before)
+    alone.place(before.points)
     after = relax_alone(alone)
     (left,) = end_crossings(alone, [after])
     is_better = after.status is not Status.DIVERGED and left.pairs < pairs

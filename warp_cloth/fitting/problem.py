@@ -17,7 +17,7 @@ from warp_cloth.base.choice import Choice
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.compiling import load_modules
 from warp_cloth.base.first_run import kernels_known
-from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.contact.garments import build_cloth_contact, model_crossings, placed
 from warp_cloth.fitting.avatar_contacts import avatar_contacts
 from warp_cloth.fitting.compile_ahead import compile_ahead
@@ -83,6 +83,12 @@ class Problem:
             if outfit.avatar is not None and id(outfit.avatar) not in found:
                 found[id(outfit.avatar)] = contact.surface(outfit.avatar)
         return [None if each.avatar is None else found[id(each.avatar)] for each in self.outfits]
+
+    def place(self, points: Points) -> None:
+        """Moves the only scene's garments to these points [m], shape [V, 3], with a collider that covers them."""
+        self.model.set_points(points)
+        if not self.contact.covers(points):
+            self.relaxation.set_collider(0, self.contact.collider(points))
 
     def contact_report(self, item: int) -> dict[str, Any] | None:
         """The collider of an item's avatar and its error, for the report; None without avatar."""

@@ -113,9 +113,7 @@ def start_from(problem: Problem, earlier: Sequence[Worn]) -> bool:
         if start is not None:
             points[first:last] = start
         points[first + garment.pins] = loaded[first + garment.pins]
-    problem.model.set_points(points)
-    if not problem.contact.covers(points):
-        problem.relaxation.set_collider(0, problem.contact.collider(points))
+    problem.place(points)
     return True
 
 

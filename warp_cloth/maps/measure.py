@@ -123,11 +123,14 @@ def add_girths(fit: FitResult, body: MeasuredBody | None = None) -> None:
     ``body`` is that of the fit's avatar, where it is known.
     """
     if "girths_mm" not in fit.report:
-        known = body or (None if fit.avatar is None else MeasuredBody.of(fit.avatar))
-        rows, lack = measured_girths(fit.garments, known)
-        fit.report["girths_mm"] = rows
-        if lack and fit.avatar is not None:
-            fit.report["no_girths"] = lack
+        fit.report.update(girth_report(fit, body))
+
+
+def girth_report(fit: FitResult, body: MeasuredBody | None = None) -> dict[str, Any]:
+    """What the report of a fit is to say of girths; ``body`` as for ``add_girths``."""
+    known = body or (None if fit.avatar is None else MeasuredBody.of(fit.avatar))
+    rows, lack = measured_girths(fit.garments, known)
+    return {"girths_mm": rows, **({"no_girths": lack} if lack and fit.avatar is not None else {})}
 
 
 def _values(
