@@ -101,6 +101,19 @@ def test_what_diverged_is_not_tried_again() -> None:
     assert after((first("hanging"), LOST, 0)) is None
 
 
+def test_a_sheet_that_still_falls_is_relaxed_by_levels() -> None:
+    falling = first("hanging")
+    assert falling.turn_after is not None
+    levels = following(Ended(falling, LIMIT, 0, VERTICES, cut_short=CutShort.SLOW))
+    assert levels is not None
+    assert (decisions(levels), levels.turn_after) == (("multilevel", False, None), None)
+
+
+def test_a_sheet_that_lies_as_its_panel_is_cut_touches_only_an_avatar() -> None:
+    assert not first("hanging", "garment.rest=uv").touches
+    assert first("sphere", "garment.rest=uv", *DRAPED).touches
+
+
 def test_what_crosses_is_relaxed_anew_with_contact() -> None:
     assert decisions(after((first("sphere", *DRAPED), LIMIT, 3))) == ("accelerated", True, None)
 
@@ -300,10 +313,10 @@ def test_what_is_wrong_round_a_limb_is_sewn_round_the_body_posed_within_it(wrong
     assert posed is not None
     assert (posed.start, posed.touches, posed.scene.solver.method) == ("posed", True, "accelerated")
     assert posed.choices[-1].key == "solver.start"
-    stalled = following(failed, Ended(posed, LIMIT, 0, VERTICES, cut_short=CutShort.STALLED))
-    assert decisions(stalled) == ("multilevel", False, 1)
-    assert stalled is not None
-    assert stalled.start == "earlier attempt"
+    turned = following(failed, Ended(posed, LIMIT, 0, VERTICES, cut_short=CutShort.STALLED))
+    assert decisions(turned) == ("multilevel", True, 1)
+    torn = following(failed, Ended(posed, LIMIT, 0, VERTICES, torn=5, cut_short=CutShort.STALLED))
+    assert decisions(torn) == ("multilevel", False, None)
     assert following(failed, Ended(posed, REST, 0, VERTICES)) is None
 
 

@@ -52,8 +52,13 @@ def fitted(scene: dict[str, Any], device: str, **by_hand: Any) -> tuple[float, i
     """Seconds of relaxing (infinite where it did not come to rest), crossings and problems."""
     for _ in range(2):
         fit = warp_cloth.fit({**scene, **by_hand}, device=device)
-    rests = fit.status is Status.AT_REST
-    return fit.report["seconds"]["relax"] if rests else math.inf, fit.report["crossings"]["pairs"], len(fit.problems)
+    rests, relaxed = fit.status is Status.AT_REST, fit.report["seconds"]["relax"]
+    runs = [f"{run['iterations']:,} {run['method']}" for run in fit.report["attempts"]]
+    crossed = fit.report["crossings"]["pairs"]
+    print(f"    {by_hand.get('solver', {}).get('method', 'decided')}, "
+          f"contact {by_hand.get('collision', {}).get('cloth', 'auto')}: {relaxed:.3f} s, {fit.status.value}, "
+          f"{crossed} crossings, {len(fit.problems)} problems; {', '.join(runs)}", flush=True)  # fmt: skip
+    return relaxed if rests else math.inf, crossed, len(fit.problems)
 
 
 def main() -> None:

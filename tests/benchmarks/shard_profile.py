@@ -82,28 +82,28 @@ def watched(owner: Any, name: str) -> None:
 
 def watch_relaxing(owner: Any) -> None:
     """Profiles the parts of relaxing as stages."""
-    relax = owner.relax_items
+    relax = owner.relax_problem
 
-    def staged(relaxation: Any, *arguments: Any, **named: Any) -> Any:
-        named.pop("on_burst", None)
+    def staged(problem: Any, release: Callable[[int, Any], None]) -> Any:
         parts = iter(PARTS)
         name, ends = next(parts)
         stage = Stage(f"relaxing {name}")
 
-        def on_burst(iteration: int, _: Any) -> None:
+        def on_burst(iteration: int, relaxation: Any) -> None:
             nonlocal stage, ends
+            release(iteration, relaxation)
             if ends(iteration, relaxation.active_fraction):
                 stage.end()
                 name, ends = next(parts)
                 stage = Stage(f"relaxing from {iteration:,} iterations {name}")
 
-        outcomes = relax(relaxation, *arguments, on_burst=on_burst, **named)
+        outcomes = relax(problem, on_burst)
         stage.end()
         shapes = hashlib.sha256(b"".join(outcome.points.tobytes() for outcome in outcomes)).hexdigest()[:12]
         print(f"{sum(outcome.iterations for outcome in outcomes)} iterations, shapes {shapes}")
         return outcomes
 
-    owner.relax_items = staged
+    owner.relax_problem = staged
 
 
 def main() -> None:

@@ -30,7 +30,7 @@ class Watch:
     def __init__(self, many: Any) -> None:
         self.dressing = self.relaxing = 0.0
         many.start_predraped = self._timed(many.start_predraped, "dressing")
-        many.relax_items = self._timed(many.relax_items, "relaxing")
+        many.relax_problem = self._timed(many.relax_problem, "relaxing")
 
     def _timed(self, work: Any, name: str) -> Any:
         @functools.wraps(work)

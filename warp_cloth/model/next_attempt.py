@@ -10,7 +10,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from warp_cloth.base.choice import Choice
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience
 from warp_cloth.model.result import Status
@@ -26,11 +29,16 @@ LEVELS_ITERATIONS = 10_000
 FEW_CROSSINGS = 0.08
 
 # Per-vertex and implicit steps by turns, where cloth that meets cloth still falls: implicit ones let it fall as a
-# whole, and per-vertex ones settle it for less (an iteration takes an eighth as long on a GPU, half on the CPU). Most
+# whole, and per-vertex ones settle it for less (an iteration takes a tenth as long on a GPU, half on the CPU). Most
 # garments rest by per-vertex ones within FALLING. Of 37 loose designs 16 rested within LEVELLING implicit ones, and
 # the others mostly sooner by per-vertex ones from there; by implicit ones alone one took 124,000.
 FALLING, LEVELLING, SETTLING = 6000, 4000, 15_000
 MOST_LEVELLINGS = 2
+# Iterations after which cloth that touches nothing and still falls is relaxed by levels: a strip of 4,000 vertices that
+# swings down from a clamp rests in a fourteenth of the time.
+FREE_FALLING = 4000
+
+SEWN = 0.05  # strain of an edge that is to be sewn, at least
 
 MOST_PADDINGS = 3  # of the avatar under faces that it shows through
 OFFSET_KEY = "collision.offset_mm"
@@ -60,12 +68,13 @@ def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Att
 def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     """What a scene is fitted with after these attempts; None: all is well, or there is nothing else to try.
 
-    Cloth that crosses is relaxed again with contact. Cloth that is torn or tangled round a limb is sewn again, round
-    the avatar as it is posed within the garment, and so is what slid down or slipped off the shoulders. What is
-    whole but crosses is untangled round the avatar as it is thinned within it. Where the avatar shows through faces, it
-    is padded under them. Cloth that does not come to rest is relaxed by the multilevel
-    method without contact, which sews and lets fall as a whole; where that leaves few crossings they are then undone,
-    and where it leaves many the attempt with contact goes on. No other way of starting follows a dressed start.
+    Cloth that crosses is relaxed again with contact. Cloth that meets cloth and still falls, or comes no nearer to
+    rest, goes on by implicit steps. Cloth that is torn or tangled round a limb is sewn again, round the avatar as it is
+    posed within the garment, and so is what slid down or slipped off the shoulders. What is whole but crosses is
+    untangled round the avatar as it is thinned within it. Where the avatar shows through faces, it is padded under
+    them. Cloth that does not come to rest is relaxed by the multilevel method without contact, which sews and lets fall
+    as a whole; where that leaves few crossings they are then undone, and where it leaves many the attempt with contact
+    goes on. No other way of starting follows a dressed start.
     """
     ended = history[-1]
     attempt, stated = ended.attempt, ended.attempt.stated
@@ -75,7 +84,7 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
         return None  # as many iterations as the scene wants
     if stated.solver.start == "dressed":
         return _after_dressed(history)
-    if ended.cut_short is CutShort.SLOW:
+    if ended.cut_short is CutShort.SLOW or _may_turn(ended):
         return _turned(history)
     if attempt.slides:
         return _slid(history)
@@ -248,13 +257,24 @@ def _first_contact(scene: Scene, outfit: Outfit) -> tuple[bool, str]:
         return False, f'solver.method = "{scene.solver.method}" begins without it'
     if len(outfit.garments) > 1:
         return True, f"{len(outfit.garments)} garments touch each other"
-    if outfit.garments[0].rest.source.kind == "uv":
+    if outfit.garments[0].rest.source.kind == "uv" and not (scene.avatar is None and _lies_as_cut(outfit.garments[0])):
         return True, "panels touch as they are sewn"
     return False, "nothing crosses"
 
 
-def _levels(stated: Scene, history: Sequence[Ended], begins_after: int | None) -> Attempt:
-    why = "the accelerated method ended torn, or made no more progress"
+def _lies_as_cut(garment: Garment) -> bool:
+    """Whether a garment starts as its panels are cut, so that nothing is to be sewn."""
+    ends = garment.points[garment.rest.topology.edges]
+    placed = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    return bool(np.allclose(placed, garment.rest.edge_length, rtol=SEWN, atol=0.0))
+
+
+def _levels(
+    stated: Scene,
+    history: Sequence[Ended],
+    begins_after: int | None,
+    why: str = "the accelerated method ended torn, or made no more progress",
+) -> Attempt:
     attempt = _attempt(stated, "multilevel", False, "nothing crosses", why, begins_after, last=False)
     return _on_padded(attempt, history)
 
@@ -279,8 +299,18 @@ def _posed(stated: Scene, outfit: Outfit, why: str, *, last: bool) -> Attempt:
     return replace(attempt, posed=True, choices=(*attempt.choices, Choice("solver.start", "posed", why)))
 
 
+def _may_turn(ended: Ended) -> bool:
+    """Whether cloth that is whole and rightly worn, but comes no nearer to rest by per-vertex steps, can turn."""
+    whole = ended.apart and not (ended.torn or ended.misplaced)
+    attempt = ended.attempt
+    stalled = ended.cut_short is CutShort.STALLED and attempt.patience is Patience.SHORT
+    return whole and stalled and attempt.touches and attempt.turn_after == FALLING
+
+
 def _turned(history: Sequence[Ended]) -> Attempt:
-    """The same attempt, from where it ended, by the other kind of steps."""
+    """The same attempt, from where it ended, by the other kind of steps; without contact they begin with levels."""
+    if not history[-1].attempt.touches:
+        return _levels(history[0].attempt.stated, history, _last_posed(history), "loose cloth was still falling")
     before = replace(history[-1].attempt, begins_after=len(history) - 1, patience=Patience.LONG, thins=False)
     levelled = sum(each.attempt.levels_contact for each in history)
     if before.levels_contact:
@@ -344,7 +374,8 @@ def _attempt(
     patience = Patience.NONE
     if solver.iterations is None:
         patience = Patience.LONG if last else Patience.SHORT
-    turn_after = FALLING if touches and method == "accelerated" and _may_have_levels(stated) else None
+    may_turn = (touches or not last) and method == "accelerated" and _may_have_levels(stated)
+    turn_after = (FALLING if touches else FREE_FALLING) if may_turn else None
     watches = collision.cloth == "auto" and not touches and method == "accelerated" and solver.start != "dressed"
     return Attempt(scene, stated, tuple(choices), begins_after, patience, watches, turn_after)
 

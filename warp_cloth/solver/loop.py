@@ -46,8 +46,11 @@ CROSSING_CHECKS = (2000, 8000)
 TANGLED = {Patience.NONE: math.inf, Patience.SHORT: 4000, Patience.LONG: 10_000}
 
 
-# Cloth that has moved by more than this since the last check, and is farther from rest than this, still falls [m].
-FALLS, FAR = 1e-3, 20e-3
+# Cloth still falls while the fraction of its forces that is out of balance, times the iterations so far, is more than
+# this. Without contact: sheets that hang have a hundredth after 2,000, strips that swing down from a clamp a tenth.
+# With contact, where the other kind of steps costs ten times as much: with less, 11 of 12 scenes rested sooner by the
+# steps that they had, in half the time.
+FALLING, FALLING_IN_CONTACT = 200.0, 600.0
 
 
 def bursts(relaxation: Relaxation) -> tuple[int, ...]:
@@ -311,7 +314,7 @@ class _Loop:
             waited = self._schedule.tangled_for
             given_up = [item for item in self._active if waited >= TANGLED[self._goals[item].patience]]
             found |= dict.fromkeys(given_up, CutShort.CROSSING)
-            found |= dict.fromkeys(self._turning(measured), CutShort.SLOW)
+        found |= dict.fromkeys(self._turning(measured), CutShort.SLOW)
         if self._crosses is not None and self._looks_for_crossings(measured.iteration):
             watched = [item for item in self._active if self._goals[item].ends_crossing and measured.finite[item]]
             found |= dict.fromkeys(self._crosses(watched), CutShort.CROSSING)
@@ -319,9 +322,10 @@ class _Loop:
 
     def _turning(self, measured: Measurement) -> list[int]:
         """Active items whose turn is over: the other kind of steps goes on with them."""
-        if self._schedule is None or not self._schedule.worn or measured.iteration == 0:
+        if measured.iteration == 0 or (self._schedule is not None and not self._schedule.worn):
             return []
-        falls = (measured.moved > FALLS) & (measured.rest_error > FAR)
+        most = FALLING if self._schedule is None else FALLING_IN_CONTACT
+        falls = measured.relative_rms * measured.iteration > most
         if isinstance(self._relaxation, MultilevelRelaxation):
             falls[:] = True
         after = {item: self._goals[item].turn_after for item in self._active if falls[item]}
