@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import multiprocessing
 import os
 import subprocess
@@ -12,14 +13,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+import warp as wp
 from meshfiles import sheet, write_obj
 
 from warp_cloth.avatar.contact import AvatarContact, ContactOptions
 from warp_cloth.base import disk_cache as cache_module
+from warp_cloth.base import kernel_hashes
 from warp_cloth.base.disk_cache import ENDING, HALF, DiskCache, Entry, disk_cache, key_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.first_run import FOLDER
-from warp_cloth.base.kernel_hashes import share_hashes
+from warp_cloth.base.kernel_hashes import SEARCH, share_hashes
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.stored_mesh import stored_mesh
 from warp_cloth.base.threads import ONE_THREAD
@@ -260,10 +263,10 @@ def test_a_stored_field_pushes_as_the_built_one_does(tmp_path: Path, monkeypatch
     assert len(list(tmp_path.glob(f"field-*{ENDING}"))) == 2
 
 
-def test_shared_hashes_are_warps_own() -> None:
+def test_shared_hashes_are_warps_own(monkeypatch: pytest.MonkeyPatch) -> None:
     init_warp()
     share_hashes()  # twice does no harm
-    from warp._src import context
+    from warp._src import codegen, context
 
     from warp_cloth.kernels.base.options import Accumulate, Terms
     from warp_cloth.kernels.passes.scatter import edges_kernel, triangles_kernel
@@ -275,9 +278,38 @@ def test_shared_hashes_are_warps_own() -> None:
     ]
     base = context.ModuleHasher.__mro__[1]
     assert base.__name__ == "ModuleHasher"
+    search = getattr(codegen, SEARCH)
     for kernel in kernels:
         options = kernel.module.resolve_options(context.warp.config)
+        monkeypatch.setattr(codegen, SEARCH, search.__wrapped__)
         own = base([kernel], options).get_hash()
+        monkeypatch.setattr(codegen, SEARCH, search)
         for _ in range(2):
             assert context.ModuleHasher([kernel], options).get_hash() == own
         assert context.ModuleHasher.shared[kernel.adj]
+
+
+def test_functions_among_a_calls_arguments_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    from warp._src import codegen
+
+    init_warp()
+    monkeypatch.setattr(kernel_hashes, "KERNELS", __name__)  # the functions below are as one of the package's
+
+    @wp.func
+    def doubled(x: float):
+        return 2.0 * x
+
+    @wp.func
+    def applied(function: wp.Function, x: float):
+        return function(x)
+
+    @wp.func
+    def caller(x: float):
+        return applied(doubled, doubled(x))
+
+    calls = [node for node in caller.adj.reference_nodes() if isinstance(node, ast.Call)]
+    search = getattr(codegen, SEARCH)
+    found = {
+        node.func.id: list(search(caller.adj, func, node)) for node, func in zip(calls, (applied, doubled), strict=True)
+    }
+    assert found == {"applied": [doubled], "doubled": []}
