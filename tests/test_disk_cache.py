@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,11 @@ from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.stored_mesh import stored_mesh
 from warp_cloth.base.threads import ONE_THREAD
 from warp_cloth.base.warp_setup import init_warp
+from warp_cloth.garment import stored_hinges
+from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.loading import stored
-from warp_cloth.shapes import MannequinMeasures, sphere
+from warp_cloth.material.fabric import Fabric
+from warp_cloth.shapes import MannequinMeasures, sphere, square
 
 KEY = "thing-0123456789abcdef"
 
@@ -106,6 +110,7 @@ def test_writers_at_one_time_leave_whole_entries(tmp_path: Path) -> None:
 
 KILLED = """
 import os, sys
+from dataclasses import replace
 from pathlib import Path
 from warp_cloth.base import disk_cache
 sys.path.insert(0, sys.argv[2])
@@ -147,6 +152,25 @@ def test_beyond_the_limit_what_was_used_longest_ago_goes(tmp_path: Path) -> None
     assert cache.read("large") is None, "no entry takes more than its part"
 
 
+def test_a_batch_removes_nothing_for_what_it_writes(tmp_path: Path) -> None:
+    cache = DiskCache(tmp_path, limit=300_000, share=0.5)
+    for number in range(30):
+        cache.write(f"{KEY}{number}", entry(number))
+    sizes = [path.stat().st_size for path in tmp_path.iterdir()]
+    assert 100_000 < sum(sizes) <= 150_000
+    assert cache.read(f"{KEY}0") is not None
+    assert cache.read(f"{KEY}29") is None
+
+
+def test_what_nobody_uses_goes(tmp_path: Path) -> None:
+    cache, long_ago = DiskCache(tmp_path), time.time() - 2 * cache_module.UNUSED
+    cache.write(KEY, entry(0))
+    os.utime(tmp_path / f"{KEY}{ENDING}", (long_ago, long_ago))
+    cache.write("other", entry(1))
+    assert cache.read(KEY) is None
+    assert cache.read("other") is not None
+
+
 def test_where_nothing_can_be_written_nothing_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     for folder in (tmp_path / "file", tmp_path / "file" / "below", Path("/proc/none"), None):
@@ -176,7 +200,7 @@ def test_the_folder_is_the_users_or_the_named_one_or_none(tmp_path: Path, monkey
     monkeypatch.setenv(FOLDER, str(tmp_path / "own"))
     assert disk_cache() == DiskCache(tmp_path / "own")
     monkeypatch.setenv(ONE_THREAD, "1")
-    assert not disk_cache().writes
+    assert disk_cache().share < 1.0
     monkeypatch.setenv(FOLDER, "OFF")
     assert disk_cache().folder is None
 
@@ -313,3 +337,18 @@ def test_functions_among_a_calls_arguments_are_found(monkeypatch: pytest.MonkeyP
         node.func.id: list(search(caller.adj, func, node)) for node, func in zip(calls, (applied, doubled), strict=True)
     }
     assert found == {"applied": [doubled], "doubled": []}
+
+
+def test_stored_hinges_are_those_that_are_fitted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    mesh = square(side=0.5, vertices_per_side=32, height=0.0, plane="horizontal")
+    plain = Fabric(bending_warp=2e-6, bending_weft=1e-6)
+    fabrics = [plain, replace(plain, bending_friction_warp=1e-3, bending_friction_weft=1e-3)]
+    made = [build_rest_shape(mesh, fabric, rest="mesh") for fabric in fabrics]
+    assert len(list(tmp_path.glob(f"hinges-*{ENDING}"))) == len(fabrics)
+    monkeypatch.setattr(stored_hinges, "_made", lambda *_: pytest.fail("is there"))
+    for first, fabric in zip(made, fabrics, strict=True):
+        again = build_rest_shape(mesh, replace(fabric, name="other", friction=0.5), rest="mesh")
+        assert np.array_equal(again.hinge_stiffness, first.hinge_stiffness)
+        assert (first.hinge_slider is None) == (again.hinge_slider is None) == (fabric is plain)
+        assert first.hinge_slider is None or np.array_equal(again.hinge_slider, first.hinge_slider)

@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
@@ -32,6 +32,8 @@ LIMIT = 1 << 29  # [bytes] of all entries: about 50 bodies with their contact fi
 LARGEST = 1 / 8  # of that, which an entry may take
 LEAST = 1 << 12  # [bytes] that an entry counts at least: what a file takes on most disks
 STALE = 3600.0  # [s] after which a file that a killed process left half-written is removed
+UNUSED = 30 * 86400.0  # [s] after which an entry that nobody reads is removed
+BATCH_SHARE = 0.5  # of the limit
 MAGIC = b"warp_cloth cache 1\n"
 ENDING, HALF = ".arrays", ".half"
 ALIGNED = 64  # [bytes] at a multiple of which each array begins
@@ -53,7 +55,7 @@ class DiskCache:
 
     folder: Path | None
     limit: int = LIMIT
-    writes: bool = True
+    share: float = 1.0  # of the limit: where entries take more, nothing more is written
 
     def entry(self, key: str, make: Callable[[], Entry]) -> Entry:
         """The entry of a key, or what ``make`` returns, which is kept."""
@@ -82,12 +84,14 @@ class DiskCache:
 
     def write(self, key: str, entry: Entry) -> None:
         """Keeps an entry, in one step; nothing happens where that is not possible."""
-        if self.folder is None or not self.writes:
+        if self.folder is None:
             return
         with contextlib.suppress(OSError):
             self.folder.mkdir(parents=True, exist_ok=True)
             data = _packed(entry)
             if len(data) > LARGEST * self.limit:
+                return
+            if self.share < 1.0 and len(data) + _bytes_of(_files(self.folder)) > self.share * self.limit:
                 return
             handle, half = tempfile.mkstemp(prefix=key[:16], suffix=HALF, dir=self.folder)
             try:
@@ -101,21 +105,21 @@ class DiskCache:
             self._remove_oldest(self.folder)
 
     def _remove_oldest(self, folder: Path) -> None:
-        """Removes entries beyond the limit, and what killed processes left."""
-        found = list(_files(folder))
-        total = sum(size for path, size, _ in found if path.endswith(ENDING))
+        """Removes entries beyond the limit, those that nobody uses, and what killed processes left."""
+        found, now = list(_files(folder)), time.time()
+        total = _bytes_of(found)
         for path, size, used in sorted(found, key=lambda file: file[2]):
-            left_over = path.endswith(HALF) and used < time.time() - STALE
-            too_many = path.endswith(ENDING) and total > self.limit
-            if left_over or too_many:
+            left_over = path.endswith(HALF) and used < now - STALE
+            spare = path.endswith(ENDING) and (total > self.limit or used < now - UNUSED)
+            if left_over or spare:
                 with contextlib.suppress(OSError):
                     os.unlink(path)
                 total -= size * path.endswith(ENDING)
 
 
 def disk_cache() -> DiskCache:
-    """The user's cache. Processes of a batch read it only: what they derive is rarely needed again."""
-    return DiskCache(cache_folder(), writes=ONE_THREAD not in os.environ)
+    """The user's cache. Processes of a batch write while there is room: what many bodies need removes nothing."""
+    return DiskCache(cache_folder(), share=BATCH_SHARE if ONE_THREAD in os.environ else 1.0)
 
 
 def key_of(name: str, packages: tuple[str, ...], *parts: Any) -> str:
@@ -150,14 +154,22 @@ def _add(digest: Any, part: Any) -> None:
 @functools.cache
 def code_version(packages: tuple[str, ...]) -> str:
     """A digest of these packages' source, and of what else the bits of their results depend on."""
-    digest = hashlib.blake2b(digest_size=20)
-    own = Path(__file__).resolve().parent.parent
+    machine = [np.__version__, sys.version, platform.machine(), _cpu_features()]
+    digest = hashlib.blake2b(repr(machine).encode(), digest_size=20)
     for package in packages:
-        folder = own / package
-        for path in sorted((folder if folder.is_dir() else own.parent / package).glob("*.py")):
-            digest.update(f"{package} {path.name} ".encode() + path.read_bytes())
-    digest.update(repr([np.__version__, sys.version, platform.machine(), _cpu_features()]).encode())
+        digest.update(_package_version(package))
     return digest.hexdigest()
+
+
+@functools.cache
+def _package_version(package: str) -> bytes:
+    """A digest of a package's source."""
+    digest = hashlib.blake2b(package.encode(), digest_size=20)
+    own = Path(__file__).resolve().parent.parent
+    folder = own / package
+    for path in sorted((folder if folder.is_dir() else own.parent / package).glob("*.py")):
+        digest.update(f" {path.name} ".encode() + path.read_bytes())
+    return digest.digest()
 
 
 def _cpu_features() -> list[str]:
@@ -177,6 +189,11 @@ def _files(folder: Path) -> Iterator[tuple[str, int, float]]:
                 with contextlib.suppress(OSError):  # another process has removed it
                     status = file.stat()
                     yield file.path, max(status.st_size, LEAST), status.st_mtime
+
+
+def _bytes_of(files: Iterable[tuple[str, int, float]]) -> int:
+    """Bytes of the entries among files."""
+    return sum(size for path, size, _ in files if path.endswith(ENDING))
 
 
 def _packed(entry: Entry) -> bytes:

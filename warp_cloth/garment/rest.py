@@ -19,13 +19,12 @@ from warp_cloth.garment.folds import hinge_angles
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.panels import check_axes, check_scale, check_seams, panel_sides
 from warp_cloth.garment.rest_choice import AS_MODELLED, RestSource, choose_rest, mean_scale, panel_corners
+from warp_cloth.garment.stored_hinges import constants_of_hinges
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
 from warp_cloth.kernels.base.options import SliderField
 from warp_cloth.loading.repair import RestKey
-from warp_cloth.material.bending import hinge_constants
 from warp_cloth.material.constants import Sheet, YarnConstants, edge_constants, lay_flat, yarn_constants
 from warp_cloth.material.fabric import Fabric, unlikely_values
-from warp_cloth.material.hysteresis import rubbing_constants
 from warp_cloth.scene.wearables import RestAngles
 
 Floats = NDArray[np.float64]
@@ -293,11 +292,7 @@ def _constants(geometry: RestGeometry, weight: Floats, fabric: Fabric) -> RestSh
     sheet, length = geometry.sheet, geometry.length
     woven = fabric.woven and sheet.directed
     pull = np.zeros(len(length)) if woven else edge_constants(sheet, fabric, length)
-    slider = None
-    if fabric.rubs(sheet.directed) and len(sheet.topology.hinges):
-        stiffness, slider = rubbing_constants(sheet, fabric, length)
-    else:
-        stiffness = hinge_constants(sheet, fabric, length)
+    stiffness, slider = constants_of_hinges(sheet, fabric, length)
     own = {
         "edge_pull": pull,
         "edge_push": fabric.compression * pull,
