@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import threading
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import init_warp
@@ -54,3 +55,14 @@ def wake_gpu(name: str) -> None:
     if number.isdecimal() and int(number) < gpu_count():
         context = ctypes.c_void_p()
         ctypes.CDLL("libcuda.so.1").cuDevicePrimaryCtxRetain(ctypes.byref(context), int(number))
+
+
+def begin_waking(name: str | None) -> None:
+    """Wakes, in a thread, the GPU that a command named "cuda", "cuda:N" or None will use, if it will use one."""
+
+    def wake() -> None:
+        for gpu in likely_gpus(name)[:1]:
+            wake_gpu(gpu)
+
+    if name != "cpu":
+        threading.Thread(target=wake, daemon=True).start()

@@ -17,6 +17,7 @@ import typer
 
 from warp_cloth.base.clock import command_clock
 from warp_cloth.base.collector import collector_paused
+from warp_cloth.base.device import begin_waking
 from warp_cloth.base.first_run import FIRST_RUN, is_first_run
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device, FabricName, Maps, On
@@ -75,6 +76,7 @@ def fit(
         clock = command_clock()
         if is_first_run(device):
             print(FIRST_RUN, file=sys.stderr, flush=True)  # before what is imported takes its time
+        begin_waking(device)  # likewise: its driver takes a fraction of a second, without Python's lock
         with collector_paused():
             from warp_cloth.export.formats import check_frames, check_inputs_kept, chosen_formats
             from warp_cloth.maps.kinds import chosen_colour, chosen_maps
@@ -117,14 +119,14 @@ def _fitted(scene: Scene, wanted: Mapping[str, Any], clock: StageClock, show: Ca
 
 
 class _Meanwhile:
-    """Imports a module while the fit relaxes, which leaves Python alone; passes its progress on."""
+    """Imports a module while kernels are loaded and the fit relaxes, mostly without Python; passes its progress on."""
 
     def __init__(self, module: str, show: Callable[[Any], None]) -> None:
         self._module, self._show = module, show
         self._thread: threading.Thread | None = None
 
     def __call__(self, step: Any) -> None:
-        if step.stage == "relax" and self._thread is None:
+        if step.stage in ("compile", "relax") and self._thread is None:
             self._thread = threading.Thread(target=import_module, args=[self._module], daemon=True)
             self._thread.start()
         self._show(step)

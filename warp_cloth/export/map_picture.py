@@ -25,6 +25,7 @@ from warp_cloth.maps.colour import colours, shown_value
 from warp_cloth.maps.kinds import MapKind
 from warp_cloth.model.result import WornGarment
 
+ON_PANELS = "_panels"  # at the end of the names of files that show a map on the flat panels
 LEGEND_FRACTION = 0.13  # of the picture's width
 BAR_WIDTH = 0.2  # of the legend's width
 INTERVALS = (4, 5)  # number between the legend's values; a range about zero keeps its middle

@@ -20,7 +20,6 @@ from warp_cloth.maps.colour import colours, shown_value
 from warp_cloth.maps.kinds import MapKind
 from warp_cloth.model.result import WornGarment
 
-ON_PANELS = "_panels"  # at the end of the files' names
 BINS = 48  # colours of the SVG
 LEGEND = 160.0  # [mm] room for it, right of the panels
 BAR = 22.0  # [mm]

@@ -9,9 +9,8 @@ from warp_cloth.base.clock import StageClock
 from warp_cloth.base.threads import one_thread_at_a_time
 from warp_cloth.export import preview, stage
 from warp_cloth.export.formats import check_inputs_kept
-from warp_cloth.export.map_picture import MapPictures
+from warp_cloth.export.map_picture import ON_PANELS, MapPictures
 from warp_cloth.export.override import StagedGarment, write_override
-from warp_cloth.export.panel_map import ON_PANELS, PanelMaps
 from warp_cloth.export.reference import AvatarAsset
 from warp_cloth.export.report import check_writable, result_paths, write_map, write_report
 from warp_cloth.export.report_page import write_report_page
@@ -57,6 +56,8 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
             (folder / f"map_{name}{ending}").unlink(missing_ok=True)
     pictures = {"preview": picture}
     if ranges:
+        from warp_cloth.export.panel_map import PanelMaps  # and with it the package of patterns, which takes 0.04 s
+
         drawer = MapPictures(fit.garments, fit.avatar, device=fit.device)
         flat = PanelMaps.of([fit.garments[index] for index in patterned(scene)])
         for name, bounds in ranges.items():
