@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.base.stored_value import stored_value
 
 THINNEST = 1e-3  # [m]; a part with less volume over area is a sheet: thinner than the offset of cloth
 MOSTLY_OPEN = 0.75  # a part whose lids are larger than this fraction of its area is a sheet: a lock of hair, a cape
@@ -50,6 +51,11 @@ class Closing:
 
 
 def closing_of(mesh: Mesh) -> Closing:
+    """How a mesh becomes a solid, from the disk where it has been closed before."""
+    return stored_value("closing", ("avatar", "base"), _closing_of, mesh)
+
+
+def _closing_of(mesh: Mesh) -> Closing:
     """How a mesh becomes a solid.
 
     Cones over its holes close it. A part that then encloses hardly anything, or is mostly lid, is a sheet and left out,

@@ -14,6 +14,7 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.base.stored_value import stored_value
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.making import (
     MESH_KEYS,
@@ -203,7 +204,8 @@ def _wearing(
 def _skeleton(scene: Scene, avatar: Mesh | None, mesh_cache: MeshCache) -> Skeleton | None:
     if avatar is None:
         return None
-    return mesh_cache.get(("skeleton", *avatar_recipe(scene)[0].key[1:]), partial(skeleton_of, avatar))
+    make = partial(stored_value, "skeleton", ("anatomy", "kernels/anatomy", "base"), skeleton_of, avatar)
+    return mesh_cache.get(("skeleton", *avatar_recipe(scene)[0].key[1:]), make)
 
 
 def _garments(scene: Scene, meshes: Sequence[Mesh], mesh_cache: MeshCache) -> tuple[Garment, ...]:

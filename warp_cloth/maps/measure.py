@@ -14,6 +14,7 @@ from warp_cloth.avatar.exact import signed_distances
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.base.stored_value import stored_value
 from warp_cloth.garment.garment import Garment
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import MAPS, shown_range
@@ -99,7 +100,7 @@ class MeasuredBody:
     @classmethod
     def of(cls, avatar: Mesh) -> MeasuredBody:
         surface = closing_of(avatar).surface(avatar)
-        return cls(avatar, surface, body_levels(surface))
+        return cls(avatar, surface, stored_value("levels", ("anatomy", "base"), body_levels, surface))
 
 
 def measured_girths(garments: Sequence[WornGarment], body: MeasuredBody | None) -> tuple[list[dict[str, Any]], str]:
