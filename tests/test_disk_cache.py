@@ -31,12 +31,15 @@ from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.stored_mesh import stored_mesh
 from warp_cloth.base.stored_value import stored_value
 from warp_cloth.base.threads import ONE_THREAD
+from warp_cloth.base.topology import mesh_edges
 from warp_cloth.base.warp_setup import init_warp
 from warp_cloth.garment import stored_hinges
 from warp_cloth.garment.outfit import load_avatar
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.loading import stored
 from warp_cloth.material.fabric import Fabric
+from warp_cloth.model.patches import spread
+from warp_cloth.model.patches.spread import spread_places
 from warp_cloth.scene import load_scene
 from warp_cloth.shapes import MannequinMeasures, sphere, square
 
@@ -383,3 +386,13 @@ def test_what_is_stored_of_a_body_is_what_was_made(tmp_path: Path, monkeypatch: 
     assert stored_value("list", ("base",), lambda _: [1], small) == [1], "too small to be stored"
     with pytest.raises(TypeError, match="list"):
         stored_value("list", ("base",), lambda _: [1], body)
+
+
+def test_stored_axes_are_those_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    mesh = square(side=0.5, vertices_per_side=48, height=0.0, plane="horizontal")
+    ends = mesh_edges(mesh.triangles, mesh.vertex_count)
+    first = spread_places(ends, mesh.points)
+    monkeypatch.setattr(spread, "_axes", lambda *_: pytest.fail("is there"))
+    assert np.array_equal(spread_places(ends, mesh.points), first)
+    assert not np.array_equal(spread_places(ends, 2.0 * mesh.points + np.arange(3.0) * mesh.points), first)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.disk_cache import Entry, disk_cache, key_of
 from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.base.topology import ragged_rows
 from warp_cloth.garment.rest import Floats
 
 LANDMARKS = 8  # vertices from which edges are counted; more of them add little
 AXES = 3  # principal axes of these counts
+SMALLEST = 2000  # vertices of a mesh; of fewer edges are counted in no time
+PACKAGES = ("model/patches", "base")  # whose code the axes depend on
 SLIGHT = 1e-3  # weight of the loaded shape, which separates vertices that no edges connect
 
 
@@ -19,20 +22,34 @@ def spread_places(ends: Indices, points: Points) -> Floats:
 
     Edges are counted from landmarks as far apart as possible; principal axes of these counts are the coordinates.
     """
-    neighbours = _Neighbours(ends, len(points))
+    places = _stored_axes(ends, len(points))
+    shape = points - points.mean(axis=0)
+    scale = SLIGHT * max(float(np.ptp(places, axis=0).max()), 1.0) / max(float(np.ptp(shape, axis=0).max()), 1e-30)
+    return np.concatenate([places.astype(np.float64), shape * scale], axis=1)
+
+
+def _stored_axes(ends: Indices, count: int) -> NDArray[np.float32]:
+    """``_axes``, from the user's cache on disk where the same mesh has been cut before, in any shape."""
+    if count < SMALLEST:
+        return _axes(ends, count)
+    key = key_of("axes", PACKAGES, ends, count)
+    entry = disk_cache().entry(key, lambda: Entry({"axes": _axes(ends, count)}, {}))
+    return np.asarray(entry.arrays["axes"], dtype=np.float32)
+
+
+def _axes(ends: Indices, count: int) -> NDArray[np.float32]:
+    """Principal axes of the counts of edges, shape [V, AXES]."""
+    neighbours = _Neighbours(ends, count)
     seed = int(neighbours.hops(0).argmax())
-    counts = np.empty((LANDMARKS, len(points)), dtype=np.float32)
-    nearest = np.full(len(points), np.inf, dtype=np.float32)
+    counts = np.empty((LANDMARKS, count), dtype=np.float32)
+    nearest = np.full(count, np.inf, dtype=np.float32)
     for row in counts:
         row[:] = neighbours.hops(seed)
         np.minimum(nearest, row, out=nearest)
         seed = int(nearest.argmax())
     counts -= counts.mean(axis=1, keepdims=True)
     _, axes = np.linalg.eigh(counts @ counts.T)
-    places = counts.T @ axes[:, -AXES:]
-    shape = points - points.mean(axis=0)
-    scale = SLIGHT * max(float(np.ptp(places, axis=0).max()), 1.0) / max(float(np.ptp(shape, axis=0).max()), 1e-30)
-    return np.concatenate([places.astype(np.float64), shape * scale], axis=1)
+    return np.asarray(counts.T @ axes[:, -AXES:], dtype=np.float32)
 
 
 class _Neighbours:
