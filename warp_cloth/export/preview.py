@@ -23,7 +23,8 @@ from warp_cloth.export.render import (
     build_subject,
     load_kernels,
     render_view,
-    shade_view,
+    seen_surface,
+    shaded,
     view_axes,
 )
 from warp_cloth.export.surface import linear, require_sound, srgb
@@ -109,14 +110,15 @@ def preview_image(
     lines = 0 if head is None else 1 + len(head.lines(height, size[0] - 2 * margin))
     image = Image.new("RGB", size)
     left = round(PLACED_WIDTH * size[0]) if placed else 0
+    area = size[0] - left, size[1]
+    layout = arrange_windows(subject.extent, area, lines)
+    parts = [(subject, layout, area)]
     if placed:
         start = build_subject([replace(worn, points=worn.mesh.points) for worn in garments], avatar, device)
         area = left, size[1]
-        layout = arrange_windows(start.extent, area, lines, {"as placed": SIDES["front"]})
-        image.paste(compose_picture(start, layout, render_views(start, layout), area, "", ""))
-    area = size[0] - left, size[1]
-    layout = arrange_windows(subject.extent, area, lines)
-    image.paste(compose_picture(subject, layout, render_views(subject, layout), area, "", ""), (left, 0))
+        parts.append((start, arrange_windows(start.extent, area, lines, {"as placed": SIDES["front"]}), area))
+    for picture, place in zip(_pictures(parts), (left, 0), strict=False):
+        image.paste(picture, (place, 0))
     if head is not None:
         draw_head(image, head, height, margin)
     places = places_of(garments, problems)
@@ -140,27 +142,53 @@ def draw_views(
 
 def render_views(subject: Subject, layout: Layout) -> list[RenderedView]:
     """The views of all windows."""
-    load_kernels(subject.device)
-    return _of_each(
-        subject,
-        lambda window: render_view(subject, window.toward, layout.pixel, window.width, layout.height),
-        layout.windows,
-    )
+    return _rendered([(subject, layout, window) for window in layout.windows])
 
 
-def _of_each(subject: Subject, work: Callable[[T], R], items: Sequence[T]) -> list[R]:
+def _rendered(windows: Sequence[tuple[Subject, Layout, Window]]) -> list[RenderedView]:
+    """The views of windows of several layouts, of subjects on one device, all at the same time."""
+
+    def view(shown: tuple[Subject, Layout, Window]) -> RenderedView:
+        subject, layout, window = shown
+        return render_view(subject, window.toward, layout.pixel, window.width, layout.height)
+
+    device = windows[0][0].device
+    load_kernels(device)
+    return _of_each(device, view, windows)
+
+
+def _of_each(device: str, work: Callable[[T], R], items: Sequence[T]) -> list[R]:
     """``work`` of every item, on the CPU in threads: a launch there occupies one core, and releases Python's lock."""
-    on_cpu = wp.get_device(subject.device).is_cpu
-    return map_in_threads(work, items) if on_cpu else [work(item) for item in items]
+    return map_in_threads(work, items) if wp.get_device(device).is_cpu else [work(item) for item in items]
+
+
+def _shades(views: Sequence[tuple[Subject, RenderedView]]) -> list[NDArray[np.uint8]]:
+    """Images of views, each of a subject in its own colours, before the background."""
+    background = linear(BACKGROUND)
+    seen = _of_each(views[0][0].device, lambda view: seen_surface(*view), views)
+    return map_in_threads(lambda each: _in_bytes(shaded(each, background)), seen)
+
+
+def _pictures(parts: Sequence[tuple[Subject, Layout, tuple[int, int]]]) -> list[Image.Image]:
+    """A picture of each subject in a layout, of a size [px], without titles: their views are drawn at the same time."""
+    windows = [(subject, layout, window) for subject, layout, _ in parts for window in layout.windows]
+    views = zip((subject for subject, *_ in windows), _rendered(windows), strict=True)
+    shades = iter(_shades(list(views)))
+    return [_composed(layout, [next(shades) for _ in layout.windows], size, "", "") for _, layout, size in parts]
 
 
 def compose_picture(
     subject: Subject, layout: Layout, views: Sequence[RenderedView], size: tuple[int, int], title: str, sentence: str
 ) -> Image.Image:
     """The picture with the subject in its own colours; arguments as in ``draw_views``."""
-    background = linear(BACKGROUND)
-    shades = np.tile(_in_bytes(background), (size[1], size[0], 1))
-    drawn = _of_each(subject, lambda view: _in_bytes(shade_view(subject, view, background)), views)
+    return _composed(layout, _shades([(subject, view) for view in views]), size, title, sentence)
+
+
+def _composed(
+    layout: Layout, drawn: Sequence[NDArray[np.uint8]], size: tuple[int, int], title: str, sentence: str
+) -> Image.Image:
+    """The picture of a layout's windows."""
+    shades = np.tile(_in_bytes(linear(BACKGROUND)), (size[1], size[0], 1))
     for window, shade in zip(layout.windows, drawn, strict=True):
         shades[layout.top : layout.top + layout.height, window.left : window.left + window.width] = shade
     image = Image.fromarray(shades, "RGB")

@@ -169,13 +169,27 @@ def render_view(subject: Subject, toward: Vector, pixel: float, width: int, heig
     return RenderedView(view, ids, light.numpy(), reflectance, subject.colours)
 
 
-def shade_view(subject: Subject, rendered: RenderedView, background: Vector) -> NDArray[np.float32]:
-    """Image of a subject in its own colours, in linear light, shape [height, width, 3], top row first."""
+@dataclass(frozen=True, eq=False)
+class SeenSurface:
+    """What a view shows, on the host."""
+
+    visible: NDArray[np.bool_]  # pixels that show something, shape [rows, columns]
+    reflectance: NDArray[np.float32]  # linear, shape [rows, columns, 3]
+    light: NDArray[np.float32]  # shape [rows, columns, 3]
+
+
+def seen_surface(subject: Subject, rendered: RenderedView) -> SeenSurface:
+    """What a view shows of a subject in its own colours, read from the device."""
     reflectance = rendered.reflectance
     if rendered.colours is not subject.colours:
         _, reflectance = surface(subject, rendered.view, rendered.ids)
     visible = rendered.ids.numpy() < len(subject.triangles)
-    light = np.where(visible[..., None], reflectance.numpy() * rendered.light, background.astype(np.float32))
+    return SeenSurface(visible, reflectance.numpy(), rendered.light)
+
+
+def shaded(seen: SeenSurface, background: Vector) -> NDArray[np.float32]:
+    """Image of what a view shows, in linear light, shape [height, width, 3], top row first."""
+    light = np.where(seen.visible[..., None], seen.reflectance * seen.light, background.astype(np.float32))
     rows, columns, _ = light.shape
     samples = light.reshape(rows // SUPERSAMPLING, SUPERSAMPLING, columns // SUPERSAMPLING, SUPERSAMPLING, 3)
     places = itertools.product(range(SUPERSAMPLING), repeat=2)
