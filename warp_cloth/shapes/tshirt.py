@@ -44,7 +44,8 @@ def tshirt(
     cache, worn_by = cache or Cache(), body or SIZE_BODIES[size]
     pattern = cache.get_or_make("pattern", (), partial(tshirt_pattern, measures, edge, cache), measures, edge)
     form = cache.get_or_make("form", (), partial(calibrated_form, worn_by), worn_by)
-    return _sew(pattern, _place(pattern, measures, worn_by, form), form)
+    trunk = cache.get_or_make("trunk", (), partial(_fit_trunk, form, measures, worn_by), measures, worn_by)
+    return _sew(pattern, _place(pattern, measures, worn_by, trunk), form)
 
 
 @dataclass(frozen=True)
@@ -58,9 +59,8 @@ class _Trunk:
     seam_depth: float  # [m] z of the shoulder seam
 
 
-def _place(pattern: Pattern, m: TshirtMeasures, body: MannequinMeasures, form: Form) -> list[Points]:
-    """Where the panels' vertices go [m], each shape [N, 3]; ``form`` is the body's."""
-    trunk = _fit_trunk(form, m, body)
+def _place(pattern: Pattern, m: TshirtMeasures, body: MannequinMeasures, trunk: _Trunk) -> list[Points]:
+    """Where the panels' vertices go [m], each shape [N, 3]."""
     front, back = pattern.panel("front"), pattern.panel("back")
     left = _place_sleeve(pattern.panel("left_sleeve").points, m, body, trunk)
     return [
