@@ -106,7 +106,7 @@ def test_what_shapes_are_drafted_from_is_computed_once_for_all_workers(
         mesh_cache = MeshCache(SharedCache(tmp_path))
         assert np.array_equal(mesh_cache.make(recipe).points, alone.points)
         assert np.array_equal(mesh_cache.make(mesh_recipes(scene)[0]).points, mesh.points)
-        assert len(made_in(tmp_path)) == 4, "the body, its form, the sleeve, the pattern"
+        assert len(made_in(tmp_path)) == 5, "the body, its form, the sleeve, the pattern, where the trunk goes"
 
 
 def test_who_comes_while_another_makes_something_waits_for_it(tmp_path: Path) -> None:
