@@ -8,7 +8,6 @@ import os
 import subprocess
 import sys
 import time
-from dataclasses import is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +16,7 @@ import pytest
 import warp as wp
 from meshfiles import sheet, write_obj
 
-from warp_cloth.anatomy.levels import body_levels
-from warp_cloth.anatomy.skeleton import skeleton_of
 from warp_cloth.avatar.contact import AvatarContact, ContactOptions
-from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base import disk_cache as cache_module
 from warp_cloth.base import kernel_hashes
 from warp_cloth.base.disk_cache import ENDING, HALF, DiskCache, Entry, disk_cache, key_of
@@ -29,19 +25,11 @@ from warp_cloth.base.first_run import FOLDER
 from warp_cloth.base.kernel_hashes import SEARCH, share_hashes
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.stored_mesh import stored_mesh
-from warp_cloth.base.stored_value import stored_value
 from warp_cloth.base.threads import ONE_THREAD
-from warp_cloth.base.topology import mesh_edges
 from warp_cloth.base.warp_setup import init_warp
-from warp_cloth.garment import stored_hinges
-from warp_cloth.garment.outfit import load_avatar
-from warp_cloth.garment.rest import build_rest_shape
+from warp_cloth.kernels.base.options import Terms
 from warp_cloth.loading import stored
-from warp_cloth.material.fabric import Fabric
-from warp_cloth.model.patches import spread
-from warp_cloth.model.patches.spread import spread_places
-from warp_cloth.scene import load_scene
-from warp_cloth.shapes import MannequinMeasures, sphere, square
+from warp_cloth.shapes import MannequinMeasures, sphere
 
 KEY = "thing-0123456789abcdef"
 
@@ -301,7 +289,7 @@ def test_shared_hashes_are_warps_own(monkeypatch: pytest.MonkeyPatch) -> None:
     share_hashes()  # twice does no harm
     from warp._src import codegen, context
 
-    from warp_cloth.kernels.base.options import Accumulate, Terms
+    from warp_cloth.kernels.base.options import Accumulate
     from warp_cloth.kernels.passes.scatter import edges_kernel, triangles_kernel
 
     terms = Terms(True, True, True)
@@ -346,53 +334,3 @@ def test_functions_among_a_calls_arguments_are_found(monkeypatch: pytest.MonkeyP
         node.func.id: list(search(caller.adj, func, node)) for node, func in zip(calls, (applied, doubled), strict=True)
     }
     assert found == {"applied": [doubled], "doubled": []}
-
-
-def test_stored_hinges_are_those_that_are_fitted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(FOLDER, str(tmp_path))
-    mesh = square(side=0.5, vertices_per_side=32, height=0.0, plane="horizontal")
-    plain = Fabric(bending_warp=2e-6, bending_weft=1e-6)
-    fabrics = [plain, replace(plain, bending_friction_warp=1e-3, bending_friction_weft=1e-3)]
-    made = [build_rest_shape(mesh, fabric, rest="mesh") for fabric in fabrics]
-    assert len(list(tmp_path.glob(f"hinges-*{ENDING}"))) == len(fabrics)
-    monkeypatch.setattr(stored_hinges, "_made", lambda *_: pytest.fail("is there"))
-    for first, fabric in zip(made, fabrics, strict=True):
-        again = build_rest_shape(mesh, replace(fabric, name="other", friction=0.5), rest="mesh")
-        assert np.array_equal(again.hinge_stiffness, first.hinge_stiffness)
-        assert (first.hinge_slider is None) == (again.hinge_slider is None) == (fabric is plain)
-        assert first.hinge_slider is None or np.array_equal(again.hinge_slider, first.hinge_slider)
-
-
-def test_what_is_stored_of_a_body_is_what_was_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(FOLDER, str(tmp_path))
-    body = load_avatar(load_scene("tshirt"))
-
-    def same_value(first: Any, again: Any) -> bool:
-        if isinstance(first, np.ndarray):
-            return first.dtype == again.dtype and np.array_equal(first, again)
-        if isinstance(first, tuple):
-            return len(first) == len(again) and all(map(same_value, first, again))
-        if is_dataclass(first):
-            return all(same_value(value, getattr(again, name)) for name, value in vars(first).items())
-        return bool(first == again)
-
-    makers = {"skeleton": skeleton_of, "levels": body_levels, "closing": closing_of}
-    for name, make in makers.items():
-        made = stored_value(name, ("base",), make, body)
-        again = stored_value(name, ("base",), lambda _: pytest.fail("is there"), body)
-        assert type(again) is type(made) is not type(None)
-        assert same_value(made, again)
-    small = sphere(radius=0.2, edge=0.05)
-    assert stored_value("list", ("base",), lambda _: [1], small) == [1], "too small to be stored"
-    with pytest.raises(TypeError, match="list"):
-        stored_value("list", ("base",), lambda _: [1], body)
-
-
-def test_stored_axes_are_those_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(FOLDER, str(tmp_path))
-    mesh = square(side=0.5, vertices_per_side=48, height=0.0, plane="horizontal")
-    ends = mesh_edges(mesh.triangles, mesh.vertex_count)
-    first = spread_places(ends, mesh.points)
-    monkeypatch.setattr(spread, "_axes", lambda *_: pytest.fail("is there"))
-    assert np.array_equal(spread_places(ends, mesh.points), first)
-    assert not np.array_equal(spread_places(ends, 2.0 * mesh.points + np.arange(3.0) * mesh.points), first)

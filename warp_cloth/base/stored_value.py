@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
+from functools import partial
 from importlib import import_module
 from typing import Any, TypeVar
 
@@ -20,22 +21,30 @@ SMALLEST = 2000  # vertices of a mesh; of fewer all is derived in no time
 
 
 def stored_value(name: str, packages: tuple[str, ...], make: Callable[[Mesh], T], mesh: Mesh) -> T:
-    """``make(mesh)``, from the disk where it has been made of these points and triangles before.
+    """``make(mesh)``, of a mesh's points and triangles alone, from the disk where it has been made of these before.
+
+    ``name``, ``packages``: as for ``stored``.
+    """
+    if mesh.vertex_count < SMALLEST:
+        return make(mesh)
+    return stored(name, packages, partial(make, mesh), mesh.points, mesh.triangles)
+
+
+def stored(name: str, packages: tuple[str, ...], make: Callable[[], T], *parts: Any) -> T:
+    """``make()``, from the disk where it has been made of these parts before.
 
     Args:
         name: what it is.
         packages: folders of ``warp_cloth`` on whose code it depends.
-        make: of a mesh's points and triangles alone.
-        mesh: with which to make it.
+        make: what makes it.
+        parts: what else it depends on, as for ``key_of``.
     """
-    if mesh.vertex_count < SMALLEST:
-        return make(mesh)
-    key, cache = key_of(name, packages, mesh.points, mesh.triangles), disk_cache()
+    key, cache = key_of(name, packages, *parts), disk_cache()
     found = cache.read(key)
     if found is not None:
         value: T = _unfolded(found.values["value"], found.arrays)
         return value
-    made = make(mesh)
+    made = make()
     arrays: dict[str, NDArray[Any]] = {}
     folded = _folded(made, arrays)
     cache.write(key, Entry(arrays, {"value": folded}))
@@ -46,12 +55,15 @@ def _folded(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
     """A value as JSON knows it, its arrays put into ``arrays``.
 
     Raises:
-        TypeError: it holds something else than dataclasses, tuples, frozen sets of integers, arrays and plain values.
+        TypeError: it holds something else than dataclasses, tuples, dictionaries by strings, frozen sets of integers,
+            arrays and plain values.
     """
     if value is None or type(value) in (bool, int, float, str):
         return value
     if type(value) is tuple:
         return ["tuple", *(_folded(each, arrays) for each in value)]
+    if type(value) is dict and all(type(key) is str for key in value):
+        return ["dict", list(value), *(_folded(each, arrays) for each in value.values())]
     if type(value) is frozenset and all(type(each) is int for each in value):
         return ["set", *sorted(value)]
     if isinstance(value, np.ndarray | np.generic):
@@ -82,5 +94,7 @@ def _unfolded(folded: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
         return frozenset(inner)
     if kind == "tuple":
         return tuple(_unfolded(each, arrays) for each in inner)
+    if kind == "dict":
+        return dict(zip(inner[0], (_unfolded(each, arrays) for each in inner[1:]), strict=True))
     module, name, *values = inner
     return getattr(import_module(module), name)(*(_unfolded(each, arrays) for each in values))
