@@ -13,10 +13,10 @@ from warp_cloth.anatomy.levels import body_levels
 from warp_cloth.anatomy.skeleton import skeleton_of
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.cache import Cache
-from warp_cloth.base.disk_cache import ENDING
+from warp_cloth.base.disk_cache import ENDING, Entry, disk_cache, key_of
 from warp_cloth.base.first_run import FOLDER
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.base.stored_value import stored_value
+from warp_cloth.base.stored_value import stored, stored_value
 from warp_cloth.base.topology import mesh_edges
 from warp_cloth.garment import stored_hinges
 from warp_cloth.garment.elements import garment_elements
@@ -105,3 +105,21 @@ def test_stored_patches_are_those_cut(tmp_path: Path, monkeypatch: pytest.Monkey
         patched.setattr(cutting, "_garment_tables", lambda *_: pytest.fail("is there"))
         assert same_value(first, patches(64)[0])
     assert not same_value(first, patches(96)[0])
+
+
+@pytest.mark.parametrize(
+    "planted",
+    [
+        ["data", "os", "getpid"],
+        ["data", "warp_cloth.base.disk_cache", "disk_cache"],
+        ["data", "warp_cloth.nowhere", "Thing"],
+        ["data", "warp_cloth.base.mesh", "Mesh"],
+        ["array", "none"],
+        ["what"],
+    ],
+)
+def test_a_planted_value_is_derived_again(planted: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    disk_cache().write(key_of("thing", ("base",)), Entry({}, {"value": planted}))
+    assert stored("thing", ("base",), lambda: (1, 2.5, "a")) == (1, 2.5, "a")
+    assert stored("thing", ("base",), lambda: pytest.fail("is there")) == (1, 2.5, "a")

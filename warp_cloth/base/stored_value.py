@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import partial
@@ -17,6 +18,7 @@ from warp_cloth.base.mesh import Mesh
 T = TypeVar("T")
 
 PACKAGE = __name__.partition(".")[0]
+NOT_OURS = (KeyError, IndexError, TypeError, ValueError, AttributeError, ImportError)  # what else a file may lead to
 SMALLEST = 2000  # vertices of a mesh; of fewer all is derived in no time
 
 
@@ -42,8 +44,9 @@ def stored(name: str, packages: tuple[str, ...], make: Callable[[], T], *parts: 
     key, cache = key_of(name, packages, *parts), disk_cache()
     found = cache.read(key)
     if found is not None:
-        value: T = _unfolded(found.values["value"], found.arrays)
-        return value
+        with contextlib.suppress(*NOT_OURS):
+            value: T = _unfolded(found.values["value"], found.arrays)
+            return value
     made = make()
     arrays: dict[str, NDArray[Any]] = {}
     folded = _folded(made, arrays)
@@ -82,7 +85,11 @@ def _folded(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
 
 
 def _unfolded(folded: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
-    """The value that was folded."""
+    """The value that was folded; nothing but dataclasses of this package is called.
+
+    Raises:
+        one of NOT_OURS: it was folded by somebody else.
+    """
     if not isinstance(folded, list):
         return folded
     kind, *inner = folded
@@ -97,4 +104,9 @@ def _unfolded(folded: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
     if kind == "dict":
         return dict(zip(inner[0], (_unfolded(each, arrays) for each in inner[1:]), strict=True))
     module, name, *values = inner
-    return getattr(import_module(module), name)(*(_unfolded(each, arrays) for each in values))
+    if kind != "data" or not module.startswith(f"{PACKAGE}."):
+        raise ValueError(f"{module} is not of this package")
+    own = getattr(import_module(module), name)
+    if not (isinstance(own, type) and is_dataclass(own)):
+        raise ValueError(f"{name} is no dataclass")
+    return own(*(_unfolded(each, arrays) for each in values))
