@@ -89,6 +89,20 @@ def test_size_of_no_unit_is_refused_with_the_key(tmp_path: Path, extent: float) 
     assert "garment.units" in caught.value.remedy
 
 
+@pytest.mark.parametrize("factor", [0.0254, 0.001, 2e4])
+@pytest.mark.parametrize("per_metre", [1.0, 100.0])
+def test_panels_show_the_size_of_what_was_scaled_where_they_were_not(
+    tmp_path: Path, factor: float, per_metre: float
+) -> None:
+    corners = [(0.0, 0.0), (0.4, 0.0), (0.4, 0.8), (0.0, 0.8)]
+    lines = [f"v {x * factor} {y * factor} 0\nvt {x * per_metre} {y * per_metre}\n" for x, y in corners]
+    path = tmp_path / "scaled.obj"
+    path.write_text("".join(lines) + "f 1/1 2/2 3/3 4/4")
+    mesh = load_mesh(path, role="garment", key="garment")
+    assert mesh.bounds()[1][1] == pytest.approx(0.8)
+    assert any("panels in texture space" in note for note in mesh.notes)
+
+
 def test_doll_is_possible_when_stated(tmp_path: Path) -> None:
     body, dress = load(tmp_path, 12.0, "avatar", "cm"), load(tmp_path, 6.0, "garment", "cm")
     check_sizes([("garment", dress)], body)

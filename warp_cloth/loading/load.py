@@ -75,7 +75,16 @@ def load_mesh(
         used = raw.points[used_ids(raw.corners, len(raw.points))] if len(raw.corners) else raw.points
         declared = raw.metres_per_unit
         scale = placement.scale
-        unit = choose_unit(used, file=raw.file, role=role, key=key, stated=units, declared=declared, scale=scale)
+        unit = choose_unit(
+            used,
+            file=raw.file,
+            role=role,
+            key=key,
+            stated=units,
+            declared=declared,
+            scale=scale,
+            texture_scale=raw.texture_scale if role == "garment" else lambda: None,
+        )
         metres = unit.metres * scale
         refuse_far(placement.moved(used * metres), raw.file)
         sound = repaired(raw, placement.moved(in_metres(raw, metres)), role=role, rest=rest)

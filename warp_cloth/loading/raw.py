@@ -17,6 +17,7 @@ Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 EXPORT_AGAIN = "export the mesh again"
+AGREE, MOST = 0.05, 0.5  # of sides of polygons in texture space: how near their scales are, and of what fraction
 POSED = "skeleton and blend shapes are not applied: the mesh is used as stored"  # a note
 
 
@@ -44,6 +45,23 @@ class RawMesh:
     folds: Folds | None = None  # rest angles between faces, from a USD stage
     axis_unknown: bool = False  # whether the format does not state the up axis
     doubt: Floats | None = None  # rounding error of each stored coordinate [file unit], shape [V, 3]
+
+    def texture_scale(self) -> float | None:
+        """Lengths in texture space over those of the mesh, where most sides of its polygons agree in it; else None."""
+        if self.texcoords is None or len(self.texcoords) != len(self.corners):
+            return None
+        following = np.arange(1, len(self.corners) + 1)
+        ends = np.cumsum(self.counts)
+        following[ends - 1] = ends - self.counts
+        place = self.points[self.corners]
+        length = np.linalg.norm(place[following] - place, axis=1)
+        drawn = np.linalg.norm(self.texcoords[following] - self.texcoords, axis=1)
+        known = np.isfinite(drawn) & (drawn > 0.0) & (length > 0.0)
+        if not known.any():
+            return None
+        ratio = drawn[known] / length[known]
+        middle = float(np.median(ratio))
+        return middle if np.mean(np.abs(ratio / middle - 1.0) < AGREE) > MOST else None
 
     def vertex_name(self, vertex: int) -> str:
         """Number of a vertex in the file."""

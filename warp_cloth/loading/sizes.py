@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,8 +54,12 @@ def choose_unit(
     stated: LengthUnit | None,
     declared: float | None,
     scale: float = 1.0,
+    texture_scale: Callable[[], float | None] = lambda: None,
 ) -> UnitChoice:
     """Unit of the vertices in use, ``points`` [file unit], shape [V, 3], whose lengths are then times ``scale``.
+
+    ``texture_scale``: units of texture space per unit of length, if the file shows it. Where no unit gives a possible
+    size, texture coordinates in a unit that does are taken for panels: files are scaled where they are not.
 
     Raises:
         InputError: no unit gives the mesh a possible size.
@@ -80,6 +84,8 @@ def choose_unit(
     ]
     if not fitting:
         _refuse_strays(points, file)
+        if scale == 1.0 and (shown := _unit_of_panels(extent, texture_scale(), role)) is not None:
+            return shown
         low, high = PLAUSIBLE[role]
         wanted = f"{_a(role)} of {low:g} to {high:g} m"
         problem = f"units not stated, and with an extent{scaled} of {extent:.4g} no unit gives {wanted}"
@@ -90,6 +96,18 @@ def choose_unit(
     if _fits(extent, MAYBE_INCHES[role]):
         note += f' (if it is in inches, set {key}.units = "in")'
     return UnitChoice(unit, METRES_PER[unit], (note,))
+
+
+def _unit_of_panels(extent: float, texture_scale: float | None, role: Role) -> UnitChoice | None:
+    """The unit of a mesh of this extent [file unit] whose texture coordinates are panels; None: they are not."""
+    if texture_scale is None:
+        return None
+    for unit in GUESSED:
+        metres = METRES_PER[unit] * texture_scale
+        if _fits(extent * metres, USUAL[role]):
+            note = f"{GUESS_NOTE}: taken times {metres:.4g}, as its panels in texture space are in {_PLURALS[unit]}"
+            return UnitChoice(_unit_name(metres), metres, (note,))
+    return None
 
 
 _PLURALS: dict[str, str] = {"m": "metres", "cm": "centimetres", "mm": "millimetres", "in": "inches"}
