@@ -74,6 +74,18 @@ def test_a_garment_that_is_turned_is_turned_back_with_its_front_before(
     assert outfit.meshes[0].points == pytest.approx(tshirt.points, abs=0.06)  # round the body, not round the origin
 
 
+def test_a_top_with_one_sleeve_is_turned_onto_every_limb(tmp_path: Path, tshirt: Mesh) -> None:
+    middles = tshirt.points[tshirt.triangles].mean(axis=1)
+    kept = middles[:, 0] < 0.22  # without the left sleeve
+    cut = replace(tshirt, triangles=tshirt.triangles[kept], texcoords=tshirt.texcoords[kept])  # type: ignore[index]
+    assert not choices(read(tmp_path, cut, lambda points: points))
+    outfit = read(tmp_path, cut, lambda points: points @ TURN.T)
+    assert set(choices(outfit)) == {"rotate", "translate"}
+    (wearing,) = outfit.wearing
+    assert wearing is not None
+    assert not wearing.start_fault
+
+
 @pytest.mark.parametrize(("cut", "turns"), [(1.0, True), (0.0, False)])
 def test_a_garment_that_is_back_to_front_is_turned_where_its_cut_tells(
     tmp_path: Path, tshirt: Mesh, cut: float, turns: bool

@@ -214,11 +214,11 @@ def _off_limbs(wearing: Wearing, points: Points) -> float:
 
 
 def _turned(cloth: Cloth, wearing: Wearing) -> Change | None:
-    """The turn about the body that brings a left and a right opening to its left and right; None: they are there."""
+    """The turn about the body that brings a left and a right opening to its left and right; None: there is none."""
     skeleton = wearing.skeleton
     across = _sideways(wearing)
     if across is None:
-        return None
+        return _turned_a_quarter(cloth, wearing)
     degrees = _angle_about_y(across, skeleton.left)
     degrees -= 180.0 * round(degrees / 180.0)  # left and right look alike
     if abs(degrees) < TURNED:
@@ -233,6 +233,23 @@ def _turned(cloth: Cloth, wearing: Wearing) -> Change | None:
         return None
     changes: dict[str, Value] = {"rotate": turn.rotate, "translate": turn.translate}
     return changes, "its openings for left and right lie before and behind the body"
+
+
+def _turned_a_quarter(cloth: Cloth, wearing: Wearing) -> Change | None:
+    """The quarter turn about the body where a garment starts on every limb, as one sleeve has none to be compared with.
+
+    None: there it starts badly, too.
+    """
+    turns = [_about_axis(degrees, wearing.skeleton.middle) for degrees in (QUARTER, -QUARTER)]
+    good = []
+    for turn in turns:
+        there = Wearing.of(wearing.openings, turn.moved(wearing.start), wearing.triangles, wearing.skeleton)
+        if not there.start_fault:
+            good.append((cloth.front(there, there.start).score, turn))
+    if not good:
+        return None
+    _, turn = max(good, key=lambda scored: scored[0])
+    return {"rotate": turn.rotate, "translate": turn.translate}, "a quarter turned, it starts on every limb"
 
 
 def _turned_about(cloth: Cloth, wearing: Wearing) -> Change | None:
