@@ -29,6 +29,7 @@ from warp_cloth.pattern.roles import (
     Shape,
     arm_side,
     bodice_roles,
+    collar_roles,
     concave_count,
     hood_roles,
     is_strip,
@@ -43,8 +44,8 @@ from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
 SKIRTS = ("skirt_front", "skirt_back")
-STRIPS = ("collar", "cuff", "waistband", "hem_band")
-TOPS = ("sleeve", "collar", "hood")  # kinds of which trousers and skirts have none
+STRIPS = ("collar", "collar_stand", "collar_fall", "cuff", "waistband", "hem_band")
+TOPS = ("sleeve", "collar", "collar_stand", "collar_fall", "hood")  # kinds of which trousers and skirts have none
 SINGLE = ("front", "back", "collar", "waistband", "hem_band", "yoke", "skirt_front", "skirt_back")
 MIRROR = np.diag([-1.0, 1.0])
 UPWARDS = np.array([0.0, 1.0])
@@ -285,7 +286,9 @@ def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yoke
         return hood_roles(shape)
     if kind.removeprefix("side_") in ("skirt_front", "skirt_back", "gore"):
         return skirt_roles(shape)
-    return strip_roles(shape) if kind in STRIPS and is_strip(shape) else {}
+    if kind in STRIPS and is_strip(shape) and (found := strip_roles(shape)):
+        return found
+    return collar_roles(shape) if kind.startswith("collar") else {}
 
 
 def _side(kind: str, shape: Shape, roles: Roles, whole: bool) -> int:

@@ -16,6 +16,7 @@ from warp_cloth.pattern.dxf import read_drawing
 from warp_cloth.pattern.figure import Figure, figure_of
 from warp_cloth.pattern.grade_table import GradeTable
 from warp_cloth.pattern.joints import Joint, StatedSeam, cut, side_text, stated_joints
+from warp_cloth.pattern.kinds import BOTH
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.piece_notes import gathered
 from warp_cloth.pattern.piece_sizes import rank
@@ -23,7 +24,7 @@ from warp_cloth.pattern.pieces import pieces_of
 from warp_cloth.pattern.placing import wraps_of
 from warp_cloth.pattern.proposal import SEWN_FROM, proposed_joints
 from warp_cloth.pattern.shared_sides import parts_with_sides
-from warp_cloth.pattern.specification import Edge, Panel, Pattern, Stitch, short
+from warp_cloth.pattern.specification import Edge, Panel, Pattern, Side, Stitch, short
 
 ADVICE = "draw it with `warp-cloth pattern`, and state the seams that it needs ([[garment.seam]])"
 
@@ -109,6 +110,12 @@ def _told(parts: Sequence[Part], joints: Sequence[Joint], unsewn: Sequence[Joint
             f"no seams are stated: {len(joints)} proposed ones are sewn, of confidence {low:.2f} to {high:.2f} "
             f"(from {SEWN_FROM:g}); `warp-cloth pattern` lists them"
         )
+    sewn = {side for joint in joints for side in (*joint.one, *joint.other)}
+    fronts = [panel for panel, part in enumerate(parts) if part.kind == "front" and part.side != BOTH]
+    centres = [Side(panel, edge) for panel in fronts for edge in parts[panel].roles.get("centre", ())]
+    if len(fronts) == 2 and centres and not sewn.intersection(centres):
+        names = ", ".join(f'"{short(side_text(parts, [side]))}"' for side in centres[:4])
+        told.append(f"the front is left open at {names}: state a seam to close it")
     for joint in unsewn[:8]:
         one, other = (short(side_text(parts, run)) for run in (joint.one, joint.other))
         told.append(f"proposed, but not sewn: {one} to {other}, {joint.reason}, confidence {joint.confidence:.2f}")

@@ -7,7 +7,16 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from warp_cloth.pattern.vocabulary import BESIDE, INNER_CLOTH, LEFT_WORDS, RIGHT_WORDS, SIDE_PANEL_WORDS, UNDER, WORDS
+from warp_cloth.pattern.vocabulary import (
+    BESIDE,
+    INNER_CLOTH,
+    LEFT_WORDS,
+    RIGHT_WORDS,
+    SIDE_PANEL_WORDS,
+    STAND,
+    UNDER,
+    WORDS,
+)
 
 LEFT, BOTH, RIGHT = 1, 0, -1  # the wearer's
 
@@ -63,6 +72,8 @@ PLACES: dict[str, tuple[str, int]] = {
     "left_hood": ("hood", LEFT),
     "right_hood": ("hood", RIGHT),
     "collar": ("collar", BOTH),
+    "collar_stand": ("collar_stand", BOTH),
+    "collar_fall": ("collar_fall", BOTH),
     "waistband": ("waistband", BOTH),
     "hem_band": ("hem_band", BOTH),
     "cuff": ("cuff", BOTH),
@@ -138,6 +149,11 @@ def _named(name: str) -> Named:
     if kind == "sleeve" and re.search(UNDER, text):
         return Named(kind, side, UNDER_SLEEVE)
     return Named(kind, side)
+
+
+def is_named_stand(name: str) -> bool:
+    """Whether a collar's name says that it is the stand below another one."""
+    return bool(re.search(STAND, plain(re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name))))
 
 
 def named_all(texts: Sequence[Sequence[str]]) -> list[Named]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from warp_cloth.base.curves import arc_lengths
+from warp_cloth.pattern.collars import COLLARS, FALL, STAND
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.figure import UP, Figure
@@ -16,6 +17,8 @@ from warp_cloth.pattern.levels import WHOLE_TURN, repeated
 from warp_cloth.pattern.placing_sleeves import FROM_ARMPIT, along_limb, around_arm, shortened, underarm
 from warp_cloth.pattern.wrap import Wrap
 
+FLARE = 0.5  # of its width, by which the outer edge of a collar's fall starts farther out than its seam
+ABOVE_NECK = 0.01  # [m] from the neckline to that edge, which else would start within fronts and back
 BESIDE_FOOT = 0.2  # [m] from the toes to a cuff of trousers
 
 
@@ -43,16 +46,21 @@ def band(
     if part.kind == "cuff":
         return _cuff(parts, index, figure, along, levels, centre, bend)
     # a ring begins at the back for a collar, at the right side round a waist, at the left below a hem; see proposal.py
-    from_back = part.kind == "collar" or any(each.kind == "leg" for each in parts)
+    is_collar = part.kind in COLLARS
+    from_back = is_collar or any(each.kind == "leg" for each in parts)
     outward = figure.forward if from_back else -figure.left if below_hem else figure.left
-    bottom = float(figure.neck[1] if part.kind == "collar" else figure.middle[1])
+    if is_collar and _opens_in_front(parts, joints, index):
+        outward = -figure.forward
+    bottom = _above_neck(parts, figure) if is_collar else float(figure.middle[1])
     if below_hem:
         fronts = [each for each in parts if each.kind == "front"]
         tall = max((float(np.ptp(each.shape.box, axis=0)[1]) for each in fronts), default=0.6)
         bottom = float(figure.neck[1]) - tall - width
     middle = np.stack([figure.at_height(bottom), figure.at_height(bottom + width)])
     across, out = repeated(np.cross(UP, outward), outward, 2)
-    if part.kind == "collar":
+    if part.kind == FALL:
+        return _fall(parts, figure, Wrap(along, levels, centre, np.full(2, bend), middle, across, out), width)
+    if is_collar:
         middle[:, [0, 2]] = figure.neck[[0, 2]]
     else:  # an ellipse as wide and deep as what it is sewn to: wider, it would fold down
         half, deep, ahead = _extent(parts, joints, found, index, figure)
@@ -60,6 +68,52 @@ def band(
         out = out * max(1.0, half * bend)
         across = across * max(1.0, deep * bend)
     return Wrap(along, levels, centre, np.full(2, bend), middle + out / bend, across, out)
+
+
+def _opens_in_front(parts: Sequence[Part], joints: Sequence[Joint], index: int) -> bool:
+    """Whether a collar's ends are in front: what it is sewn to begins at a front and ends at one, or it is a fall."""
+    if parts[index].kind == FALL:
+        return True
+    runs = [
+        other
+        for joint in joints
+        for one, other in ((joint.one, joint.other), (joint.other, joint.one))
+        if all(side.panel == index for side in one) and not any(parts[side.panel].kind in COLLARS for side in other)
+    ]
+    return any(parts[run[0].panel].kind == parts[run[-1].panel].kind == "front" for run in runs)
+
+
+def _width_of(parts: Sequence[Part], kind: str) -> float:
+    return max((float(np.ptp(each.shape.box, axis=0).min()) for each in parts if each.kind == kind), default=0.0)
+
+
+def _drop(width: float) -> float:
+    """How far below a fall's seam its outer edge starts [m]."""
+    return float(width * np.sqrt(1.0 - FLARE**2))
+
+
+def _above_neck(parts: Sequence[Part], figure: Figure) -> float:
+    """The height at which a collar starts: the neckline's, or higher, so that a fall ends above that."""
+    low = _drop(_width_of(parts, FALL)) + ABOVE_NECK - _width_of(parts, STAND)
+    return float(figure.neck[1]) + (max(low, 0.0) if any(each.kind == FALL for each in parts) else 0.0)
+
+
+def _fall(parts: Sequence[Part], figure: Figure, ring: Wrap, width: float) -> Wrap:
+    """A collar's fall, turned down: from the top of its stand a cone that widens downwards.
+
+    Args:
+        ring: the fall as an upright ring, its levels from the stand to the outer edge; ``origin`` on the axis.
+        width: from one level to the other [m].
+    """
+    top = _above_neck(parts, figure) + _width_of(parts, STAND)
+    radius = 1.0 / ring.curvature[0]
+    aside = FLARE * width
+    height = np.array([top, top - _drop(width)])
+    middle = np.stack([figure.at_height(y) for y in height])
+    middle[:, [0, 2]] = figure.neck[[0, 2]]
+    wider = np.array([1.0, 1.0 + aside / radius])[:, None]
+    across, out = wider * ring.across, wider * ring.outward
+    return Wrap(ring.along, ring.levels, ring.centre, ring.curvature, middle + out * radius, across, out)
 
 
 def _is_sewn_high(parts: Sequence[Part], joints: Sequence[Joint], index: int, along: Floats) -> bool | None:

@@ -12,9 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from warp_cloth.pattern.collars import proposed_collars
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint, notch_fractions
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
+from warp_cloth.pattern.neckline import half_neck, neck_from_back
 from warp_cloth.pattern.runs import (
     PLAIN_EASE,
     face_run,
@@ -23,9 +25,8 @@ from warp_cloth.pattern.runs import (
     parts_of_kind,
     role_of,
     run_of,
-    side_mark,
 )
-from warp_cloth.pattern.sleeves import is_raglan, proposed_sleeves, sleeve_side, under_sleeve_of
+from warp_cloth.pattern.sleeves import proposed_sleeves, sleeve_side, under_sleeve_of
 from warp_cloth.pattern.specification import Side
 from warp_cloth.pattern.yokes import proposed_yokes
 
@@ -50,6 +51,7 @@ def proposed_joints(parts: Sequence[Part]) -> tuple[Joint, ...]:
         *_hoods(parts),
         *_skirts(parts),
         *_gores(parts),
+        *proposed_collars(parts),
         *_bands(parts),
     ]
     kept = _doubted(_without_conflicts(found), found)
@@ -155,40 +157,7 @@ def _hoods(parts: Sequence[Part]) -> Iterable[Joint]:
     for hood in hoods:
         side = parts[hood].side
         neck = parts[hood].roles.get("neck", ())
-        yield from joint_of(parts, run_of(hood, neck), _half_neck(parts, side), "hood to neck", (-0.04, 0.06))
-
-
-def _half_neck(parts: Sequence[Part], side: int) -> tuple[Side, ...]:
-    """Half of the neckline, in the order in which a hood or collar on that side meets it against its direction."""
-    halves = {}
-    for kind in ("front", "back"):
-        for panel in parts_of_kind(parts, *((kind, "yoke") if kind == "back" else (kind,))):
-            part = parts[panel]
-            if part.side not in (BOTH, side):
-                continue
-            neck = part.roles.get("neck", ())
-            if part.side == BOTH:  # the loop runs from +x to -x along a neck; half of it where it was parted
-                if part.mirror is None or len(neck) % 2:
-                    continue
-                half = len(neck) // 2
-                neck = neck[:half] if side_mark(part, side) == "+" else neck[half:]
-            if neck:
-                halves[kind] = run_of(panel, neck, True)
-    if len(halves) < 2:
-        return ()
-    halves["sleeve"] = ()
-    if is_raglan(parts):
-        halves["sleeve"] = next(
-            (
-                run_of(sleeve, parts[sleeve].roles.get("neck", ()), True)
-                for sleeve in parts_of_kind(parts, "sleeve")
-                if sleeve_side(parts, sleeve) == side
-            ),
-            (),
-        )
-    # a hood's neck runs counter-clockwise, seen from outside: on the wearer's left from the face back at -x to +x
-    order = ("front", "back") if side == LEFT else ("back", "front")
-    return (*halves[order[0]], *halves["sleeve"], *halves[order[1]])
+        yield from joint_of(parts, run_of(hood, neck), half_neck(parts, side), "hood to neck", (-0.04, 0.06))
 
 
 def _skirts(parts: Sequence[Part]) -> Iterable[Joint]:
@@ -231,7 +200,7 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
         part = parts[band]
         others = [each for each in parts_of_kind(parts, part.kind) if each not in (band, part.twin)]
         sure = DOUBTED if others and part.kind != "cuff" else 1.0  # a stand and its collar: which goes on the neck?
-        if "long" not in part.roles:
+        if "end" not in part.roles or "neck" in part.roles:
             continue
         ring = _ring(parts, band)
         if not ring:
@@ -255,8 +224,7 @@ def _ring(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
     """The closed run of edges that a band goes round, from the middle of the back, or an underarm or inner seam."""
     kind = parts[band].kind
     if kind == "collar":
-        left, right = _half_neck(parts, LEFT), _half_neck(parts, RIGHT)
-        return (*right, *left) if left and right else ()
+        return neck_from_back(parts)
     if kind == "cuff":
         side = parts[band].side or (RIGHT if parts[band].twin is not None and (parts[band].twin or 0) < band else LEFT)
         for sleeve in parts_of_kind(parts, "sleeve"):

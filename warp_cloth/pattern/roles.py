@@ -380,3 +380,15 @@ def strip_roles(shape: Shape) -> Roles:
         runs = [*runs[1:], runs[0]]
     longs = sorted((runs[0], runs[2]), key=shape.length, reverse=True)
     return {"long": longs[0], "long2": longs[1], "end": runs[1], "end2": runs[3]}
+
+
+def collar_roles(shape: Shape) -> Roles:
+    """The two long edges of a curved collar, the longer one first: the longest runs between its corners."""
+    order = shape.order
+    firsts = [place for place in range(len(order)) if abs(shape.turn_after(order[place - 1])) > 0.5 * BENT]
+    if len(firsts) < 2:
+        return {}
+    runs = [shape.run(first, firsts[(n + 1) % len(firsts)]) for n, first in enumerate(firsts)]
+    longs = sorted(runs, key=shape.length, reverse=True)[:2]
+    size = shape.box[1] - shape.box[0]
+    return {"long": longs[0], "long2": longs[1]} if shape.length(longs[1]) > 0.5 * float(max(size)) else {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from warp_cloth.pattern.collars import with_collars
 from warp_cloth.pattern.draft import Part, Stated, parts_of
 from warp_cloth.pattern.kinds import SIDE_PANEL
 from warp_cloth.pattern.piece import Piece
@@ -44,7 +45,8 @@ def parts_with_sides(
 
 def _made(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> tuple[tuple[Part, ...], list[str]]:
     parts, notes = parts_of(file, pieces, stated)
-    return tuple(with_skirt_panels(parts)), notes
+    parts, layers = with_collars(with_skirt_panels(parts))
+    return parts, [*notes, *layers]
 
 
 def _parted(parts: Sequence[Part], way: str) -> tuple[Part, ...]:

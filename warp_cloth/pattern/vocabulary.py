@@ -46,7 +46,7 @@ WORDS = (
     ),
     (
         "collar",
-        r"collar|neck[ _-]*(band|rib|bind|line)|rib[ _-]*neck|kragen|\bsteg\b|halsb(ue|u)ndchen|halsb"
+        r"collar|\bstand\b|neck[ _-]*(band|rib|bind|line)|rib[ _-]*neck|kragen|\bsteg\b|halsb(ue|u)ndchen|halsb"
         r"|kraag|\bcol\b|pied de col|encolure|bord[ _-]*cote|cuello|\bgola|collarin|colletto|\bcollo\b"
         r"|listino|kolnierz|limec|vorotnik|воротник|комір|стойка|\byaka\b|\bkrage|\bkrave|kaulus"
         r"|\b(shang|xia|ni|fan)? ?ling(zi|pian|wei|mian|di)?\b|领|領|\beri\b|衿|칼라|카라",
@@ -102,6 +102,11 @@ SIDE_PANEL_WORDS = (
     r"\bside|princess|seitenteil|seitl|\bseite|zijpand|\bzij|cote\b|\bflanc|costad|lateral|fianc"
     r"|fianchetto|boczek|\bbok\b|bocni|бочок|боков|\byan\b|\bsid|sivukap|sivupal|\bce ?(pian|qian|hou)?\b|侧|側"
     r"|脇|옆"
+)
+# The part of a collar that is sewn to the neckline, below the fall
+STAND = (
+    r"stand|\bsteg\b|pied|\bbase\b|collarbase|collar ?band|\bpie\b|tirilla|listino|fascetta|stojk|stoyk"
+    r"|стойк|stojak|stojka|\bayak|(di|xia) ?ling|ling ?zuo|领座|領座|底领|下领|台衿|台襟"
 )
 UNDER = (
     r"under|\bbottom\b|unter|\bonder|dessous|de abajo|menor|\bsotto|inferior|spodni|нижн|\balt\b|\bala ?osa"

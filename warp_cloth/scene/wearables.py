@@ -30,7 +30,7 @@ Place = Literal[
     "under_sleeve", "left_under_sleeve", "right_under_sleeve", "leg_front", "left_leg_front", "right_leg_front",
     "leg_back", "left_leg_back", "right_leg_back", "leg", "left_leg", "right_leg", "skirt_front", "skirt_back", "hood",
     "left_hood", "right_hood", "yoke", "collar", "waistband", "hem_band", "cuff", "left_cuff", "right_cuff", "none",
-    "side_skirt_front", "side_skirt_back", "gore",
+    "side_skirt_front", "side_skirt_back", "gore", "collar_stand", "collar_fall",
 ]  # fmt: skip
 Copies = Annotated[Integer, Field(ge=0, le=50)]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]

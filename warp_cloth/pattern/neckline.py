@@ -1,0 +1,62 @@
+"""The neckline of a garment, as the runs of edges that collars and hoods meet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from warp_cloth.pattern.draft import Part
+from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
+from warp_cloth.pattern.runs import parts_of_kind, run_of, side_mark
+from warp_cloth.pattern.sleeves import is_raglan, sleeve_side
+from warp_cloth.pattern.specification import Side
+
+
+def half_neck(parts: Sequence[Part], side: int) -> tuple[Side, ...]:
+    """Half of the neckline, in the order in which a hood or collar on that side meets it against its direction."""
+    halves = {}
+    for kind in ("front", "back"):
+        for panel in parts_of_kind(parts, *((kind, "yoke") if kind == "back" else (kind,))):
+            part = parts[panel]
+            if part.side not in (BOTH, side):
+                continue
+            neck = part.roles.get("neck", ())
+            if part.side == BOTH:  # the loop runs from +x to -x along a neck; half of it where it was parted
+                if part.mirror is None or len(neck) % 2:
+                    continue
+                half = len(neck) // 2
+                neck = neck[:half] if side_mark(part, side) == "+" else neck[half:]
+            if neck:
+                halves[kind] = run_of(panel, neck, True)
+    if len(halves) < 2:
+        return ()
+    halves["sleeve"] = ()
+    if is_raglan(parts):
+        halves["sleeve"] = next(
+            (
+                run_of(sleeve, parts[sleeve].roles.get("neck", ()), True)
+                for sleeve in parts_of_kind(parts, "sleeve")
+                if sleeve_side(parts, sleeve) == side
+            ),
+            (),
+        )
+    # a hood's neck runs counter-clockwise, seen from outside: on the wearer's left from the face back at -x to +x
+    order = ("front", "back") if side == LEFT else ("back", "front")
+    return (*halves[order[0]], *halves["sleeve"], *halves[order[1]])
+
+
+def neck_from_back(parts: Sequence[Part]) -> tuple[Side, ...]:
+    """The whole neckline from the middle of the back, as a band meets it; empty where a half is not known."""
+    left, right = half_neck(parts, LEFT), half_neck(parts, RIGHT)
+    return (*right, *left) if left and right else ()
+
+
+def neck_from_front(parts: Sequence[Part]) -> tuple[Side, ...]:
+    """The whole neckline from the middle of the front, as a collar that opens there meets it."""
+    left, right = half_neck(parts, LEFT), half_neck(parts, RIGHT)
+    return (*left, *right) if left and right else ()
+
+
+def opens_in_front(parts: Sequence[Part]) -> bool:
+    """Whether the front is of a left and a right half, which a shirt or jacket leaves open."""
+    sides = {parts[panel].side for panel in parts_of_kind(parts, "front")}
+    return sides == {LEFT, RIGHT}
