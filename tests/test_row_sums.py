@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
+
 import numpy as np
 import pytest
 from cloths import grid
@@ -22,6 +25,14 @@ def neighbours(mixed: bool) -> tuple[np.ndarray, np.ndarray, int]:
     return edges[:, ::-1].T.ravel(), edges.T.ravel(), mesh.vertex_count
 
 
+@pytest.fixture(params=["own", "SciPy's"])
+def sparse(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without SciPy's sparse matrices, and with them."""
+    module = importlib.import_module("scipy.sparse") if request.param == "SciPy's" else None
+    monkeypatch.setitem(sys.modules, "scipy.sparse", module)  # type: ignore[arg-type]
+
+
+@pytest.mark.usefixtures("sparse")
 @pytest.mark.parametrize("mixed", [False, True])
 @pytest.mark.parametrize("at_once", [100, 1 << 15])
 def test_they_are_those_of_bincount(mixed: bool, at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -34,6 +45,7 @@ def test_they_are_those_of_bincount(mixed: bool, at_once: int, monkeypatch: pyte
     assert summed.tobytes() == wanted.tobytes()
 
 
+@pytest.mark.usefixtures("sparse")
 def test_rows_may_be_empty_or_very_long() -> None:
     rng = np.random.default_rng(5)
     rows = np.concatenate([np.full(3 * LONGEST, 7), rng.integers(10, 60, 500), np.full(LONGEST + 1, 98)])
@@ -43,13 +55,15 @@ def test_rows_may_be_empty_or_very_long() -> None:
     assert summed.tobytes() == np.bincount(rows, held[places], 100).tobytes()
 
 
+@pytest.mark.usefixtures("sparse")
 def test_there_may_be_no_entries_at_all() -> None:
     none = np.zeros(0, dtype=np.int64)
     assert (RowSums(none, none, 5)(np.zeros(3)) == np.zeros(5)).all()
     assert len(RowSums(none, none, 0)(np.zeros(0))) == 0
 
 
-def test_of_a_regular_grid_few_places_are_looked_up() -> None:
+def test_of_a_regular_grid_few_places_are_looked_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "scipy.sparse", None)  # type: ignore[arg-type]
     rows, places, count = neighbours(mixed=False)
     looked_up = sum(len(part.rows) for part in RowSums(rows, places, count)._chunks.values())
     assert looked_up < 5 * WIDTH

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -9,8 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.chunks import map_chunks, map_rows
+from warp_cloth.base.chunks import CHUNK_ROWS, map_chunks, map_rows
 from warp_cloth.base.mesh import Indices
+from warp_cloth.base.row_sums import RowSums
 from warp_cloth.base.threads import concatenate
 from warp_cloth.material.constants import Sheet
 from warp_cloth.material.patch_factors import Fit, Patches
@@ -185,7 +187,16 @@ class Balance:
         self._sizes, self._least = self._size.sum(axis=0), 0.02 * folds.across
         self._pull, self._curve = np.empty_like(self._slopes), np.empty_like(self._slopes)
         self._folded = np.empty_like(folds.across)
+        # reused buffers: allocation costs as much as the work in them
+        most = min(len(self._folded), CHUNK_ROWS)
+        self._moved, self._half = np.empty((4, most)), np.empty((2, most))
         self._counted = len(self._folded) > MANY
+        rows = self._corners.ravel()
+        self._sums: Callable[[Floats], Floats] = (
+            (lambda own: np.asarray(np.bincount(rows, own, len(fixed)), float))
+            if self._counted
+            else RowSums(rows, np.arange(len(rows)), len(fixed))
+        )
 
     def folded(
         self, stiffness: Floats, even: Floats, displacement: Floats, rounds: int, rubbing: Rubbing | None = None
@@ -198,14 +209,26 @@ class Balance:
         half, pull, curve, folded = 0.5 * stiffness, self._pull, self._curve, self._folded
 
         def fold(part: slice) -> None:
-            start, end, first, second = self._slopes[:, part] * displacement.take(self._corners[:, part])
-            folded[part] = even[part] + (start + end + first + second)
+            moved = self._moved[:, : part.stop - part.start]
+            np.take(displacement, self._corners[:, part], out=moved, mode="clip")
+            np.multiply(self._slopes[:, part], moved, out=moved)
+            start, end, first, second = moved
+            start += end
+            start += first
+            start += second
+            np.add(even[part], start, out=folded[part])
 
         def force(part: slice) -> float:
             fold(part)
-            size, own = np.abs(folded[part]), stiffness[part]
-            np.multiply(half[part] * folded[part] * size, self._slopes[:, part], out=pull[:, part])
-            np.multiply(own * (size + self._least[part]), self._size[:, part], out=curve[:, part])
+            size, other = self._half[:, : part.stop - part.start]
+            own = stiffness[part]
+            np.abs(folded[part], out=size)
+            np.multiply(half[part], folded[part], out=other)
+            other *= size
+            np.multiply(other, self._slopes[:, part], out=pull[:, part])
+            np.add(size, self._least[part], out=other)
+            other *= own
+            np.multiply(other, self._size[:, part], out=curve[:, part])
             if rubbing is not None:
                 secant = rubbing.moment[part] / np.maximum(size, rubbing.clinging[part])
                 pull[:, part] += secant * folded[part] * self._slopes[:, part]
@@ -213,15 +236,13 @@ class Balance:
             curve[:, part] *= self._sizes[part]
             return float(np.sum(own * size * size * size)) if self._counted else 0.0
 
-        last, before, corners = np.zeros(len(displacement)), np.inf, self._corners.ravel()
+        last, before = np.zeros(len(displacement)), np.inf
         for _ in range(rounds):
             energy = sum(map_chunks(force, len(even)))
             if self._counted and abs(before - energy) <= SETTLED * energy:
                 break
             before = energy
-            slope, bound = (
-                np.asarray(np.bincount(corners, each.ravel(), len(displacement)), float) for each in (pull, curve)
-            )
+            slope, bound = (self._sums(each.ravel()) for each in (pull, curve))
             map_chunks(partial(self._advance, displacement, last, slope, bound), len(displacement))
         map_chunks(fold, len(even))
         return folded

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import partial
 
@@ -65,8 +64,16 @@ class Patches:
 
     def sums(self, *factors: Floats) -> Floats:
         """Patch sums of the product of hinge quantities, shape [V]."""
-        map_rows(lambda *own: 0.25 * math.prod(own[1:], start=own[0]), *factors, out=self._product)
+        map_chunks(partial(self._put_product, factors), len(self._product))
         return self._spread(self._at_vertices(self._product))
+
+    def _put_product(self, factors: Sequence[Floats], part: slice) -> None:
+        """A quarter of the product of a chunk of hinge quantities."""
+        product = self._product[part]
+        product[...] = factors[0][part]
+        for factor in factors[1:]:
+            product *= factor[part]
+        product *= 0.25
 
     def means(self, own: Floats, part: slice) -> Floats:
         """Mean over the four vertices of each hinge of a chunk."""
