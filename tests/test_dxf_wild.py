@@ -17,6 +17,7 @@ from dxf_rooms import MM, Blocks
 from dxf_rooms import named as named_texts
 from test_dxf import kinds
 
+from warp_cloth.base.errors import InputError
 from warp_cloth.pattern import read_drafted
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.dxf_binary import as_text
@@ -190,3 +191,11 @@ def test_binary_files_keep_their_letters(version: str, page: str) -> None:
     stream = io.BytesIO()
     document.write(stream, fmt="bin")
     assert "ПЕРЕД".encode(page) in as_text(stream.getvalue())
+
+
+def test_a_bulge_that_is_no_number_is_refused_at_once(tmp_path: Path) -> None:
+    """Flattening such a curve would never end."""
+    path = blocks(*yoked()).finish(tmp_path / "bulge.dxf")
+    path.write_text(path.read_text().replace("  0\nVERTEX\n  8\n1\n", "  0\nVERTEX\n  8\n1\n 42\nnan\n", 1))
+    with pytest.raises(InputError, match="not a usable number"):
+        read_drafted(path)

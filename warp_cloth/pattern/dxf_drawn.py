@@ -161,13 +161,15 @@ def _polyline(entity: Any, fine: float | None) -> Floats:
     if entity.dxftype() == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline):
         return np.zeros((0, 2))
     if entity.dxftype() == "POLYLINE" and any(vertex.dxf.flags & FRAME_VERTEX for vertex in entity.vertices):
-        places = [vertex.dxf.location for vertex in entity.vertices if not vertex.dxf.flags & FRAME_VERTEX]
-        return np.array([(place.x, place.y) for place in (*places, *places[: int(entity.is_closed)])]).reshape(-1, 2)
+        fitted = [vertex.dxf.location for vertex in entity.vertices if not vertex.dxf.flags & FRAME_VERTEX]
+        return np.array([(place.x, place.y) for place in (*fitted, *fitted[: int(entity.is_closed)])]).reshape(-1, 2)
     made = path.make_path(entity)
     if not len(made):
         return np.zeros((0, 2))
-    points = made.control_vertices() if fine is None else list(made.flattening(max(fine, 1e-9), segments=4))
-    return np.array([(point.x, point.y) for point in points])
+    places = np.array([(point.x, point.y) for point in made.control_vertices()])
+    if fine is None or not np.isfinite(places).all():  # flattening what is not finite never ends
+        return places
+    return np.array([(point.x, point.y) for point in made.flattening(max(fine, 1e-9), segments=4)])
 
 
 def texts_of(entity: Any) -> list[str]:
