@@ -36,10 +36,10 @@ def test_a_shirts_stand_and_fall_are_sewn_and_its_front_is_left_open(tmp_path: P
 
 def test_what_is_sewn_of_a_shirts_collar_ends_at_its_marks(tmp_path: Path) -> None:
     draft = read_drafted(write_shirt(shirt(), tmp_path / "shirt.dxf"))
-    front, whole = of_kind(draft, "front"), of_kind(draft, "collar_stand")
+    front, whole = of_kind(draft, "front"), of_kind(draft, "stand")
     assert front.shape.length(front.roles["facing"]) == pytest.approx(0.01 * FACING, abs=NEAR)
     bottom, top = (whole.shape.length(whole.roles[role]) for role in ("neck", "top"))
-    fallen = of_kind(draft, "collar_fall")
+    fallen = of_kind(draft, "fall")
     assert top == pytest.approx(fallen.shape.length(fallen.roles["neck"]), abs=2 * NEAR)
     assert bottom > top + 0.01 * OVERLAP
 
@@ -64,7 +64,7 @@ def test_the_written_table_of_a_shirt_sews_the_same(tmp_path: Path) -> None:
     seams = tuple(
         StatedSeam((side_text(draft.parts, joint.one), side_text(draft.parts, joint.other))) for joint in draft.joints
     )
-    places = {"STAND": Stated("collar_stand"), "COLLAR": Stated("collar_fall")}
+    places = {"STAND": Stated("stand"), "COLLAR": Stated("fall")}
     again = read_drafted(path, DraftOptions(seams=seams, pieces=places))
     both = [{frozenset((*joint.one, *joint.other)) for joint in each.joints} for each in (draft, again)]
     assert both[0] == both[1]

@@ -193,9 +193,10 @@ def test_binary_files_keep_their_letters(version: str, page: str) -> None:
     assert "ПЕРЕД".encode(page) in as_text(stream.getvalue())
 
 
-def test_a_bulge_that_is_no_number_is_refused_at_once(tmp_path: Path) -> None:
-    """Flattening such a curve would never end."""
-    path = blocks(*yoked()).finish(tmp_path / "bulge.dxf")
-    path.write_text(path.read_text().replace("  0\nVERTEX\n  8\n1\n", "  0\nVERTEX\n  8\n1\n 42\nnan\n", 1))
+def test_a_block_that_is_inserted_at_no_scale_is_refused_at_once(tmp_path: Path) -> None:
+    """Flattening curves of coordinates that are no numbers would never end."""
+    path = blocks(*yoked()).finish(tmp_path / "scaled.dxf")
+    insert = "  0\nINSERT\n  8\n1\n  2\nSLEEVE\n 10\n0\n 20\n0\n 42\nnan\n"
+    path.write_text(path.read_text().replace("  0\nENDBLK\n", insert + "  0\nENDBLK\n", 1))
     with pytest.raises(InputError, match="not a usable number"):
         read_drafted(path)

@@ -13,7 +13,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from warp_cloth.pattern.draft import Part
+from warp_cloth.pattern.draft import COLLARS, Part
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, is_named_stand
 from warp_cloth.pattern.neckline import neck_from_front, opens_in_front
@@ -22,8 +22,7 @@ from warp_cloth.pattern.roles import Shape
 from warp_cloth.pattern.runs import joint_of, length_of, parts_of_kind, run_of
 from warp_cloth.pattern.specification import short
 
-STAND, FALL = "collar_stand", "collar_fall"
-COLLARS = ("collar", STAND, FALL)
+STAND, FALL = "stand", "fall"
 STAND_EASE = (-0.04, 0.03)  # of a stand or collar, against the neckline between its ends
 FALL_EASE = (-0.04, 0.02)  # of a fall, against the stand between its marks
 AS_LONG = 0.02  # relative: a neckline that is as long as the collar ends where it ends

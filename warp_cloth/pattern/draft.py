@@ -44,8 +44,9 @@ from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
 SKIRTS = ("skirt_front", "skirt_back")
-STRIPS = ("collar", "collar_stand", "collar_fall", "cuff", "waistband", "hem_band")
-TOPS = ("sleeve", "collar", "collar_stand", "collar_fall", "hood")  # kinds of which trousers and skirts have none
+COLLARS = ("collar", "stand", "fall")
+STRIPS = (*COLLARS, "cuff", "waistband", "hem_band")
+TOPS = ("sleeve", *COLLARS, "hood")
 SINGLE = ("front", "back", "collar", "waistband", "hem_band", "yoke", "skirt_front", "skirt_back")
 MIRROR = np.diag([-1.0, 1.0])
 UPWARDS = np.array([0.0, 1.0])
@@ -288,7 +289,7 @@ def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yoke
         return skirt_roles(shape)
     if kind in STRIPS and is_strip(shape) and (found := strip_roles(shape)):
         return found
-    return collar_roles(shape) if kind.startswith("collar") else {}
+    return collar_roles(shape) if kind in COLLARS else {}
 
 
 def _side(kind: str, shape: Shape, roles: Roles, whole: bool) -> int:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from warp_cloth.base.curves import arc_lengths
-from warp_cloth.pattern.collars import COLLARS, FALL, STAND
+from warp_cloth.pattern.collars import FALL, STAND
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.draft import Part
+from warp_cloth.pattern.draft import COLLARS, Part
 from warp_cloth.pattern.figure import UP, Figure
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import LEFT, RIGHT

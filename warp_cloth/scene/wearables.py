@@ -30,7 +30,7 @@ Place = Literal[
     "under_sleeve", "left_under_sleeve", "right_under_sleeve", "leg_front", "left_leg_front", "right_leg_front",
     "leg_back", "left_leg_back", "right_leg_back", "leg", "left_leg", "right_leg", "skirt_front", "skirt_back", "hood",
     "left_hood", "right_hood", "yoke", "collar", "waistband", "hem_band", "cuff", "left_cuff", "right_cuff", "none",
-    "side_skirt_front", "side_skirt_back", "gore", "collar_stand", "collar_fall",
+    "side_skirt_front", "side_skirt_back", "gore", "stand", "fall",
 ]  # fmt: skip
 Copies = Annotated[Integer, Field(ge=0, le=50)]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]
@@ -90,7 +90,7 @@ class PieceSpec(Table):
     """A piece of a DXF pattern: what it covers, and how often it is cut."""
 
     name: str = Field(min_length=1, description="The piece's name in the file.")
-    place: Place | None = Field(default=None, description="What it covers; by default as name and shape show.")
+    place: Place | None = Field(default=None, description="What it covers; else by name and shape.")
     copies: tuple[Copies, Copies] | None = Field(
         default=None,
         description="How often it is cut as drawn, and mirrored: [1, 1] is a pair, [6, 0] six gores of a skirt; "
