@@ -193,10 +193,10 @@ def test_binary_files_keep_their_letters(version: str, page: str) -> None:
     assert "ПЕРЕД".encode(page) in as_text(stream.getvalue())
 
 
-def test_a_block_that_is_inserted_at_no_scale_is_refused_at_once(tmp_path: Path) -> None:
-    """Flattening curves of coordinates that are no numbers would never end."""
-    path = blocks(*yoked()).finish(tmp_path / "scaled.dxf")
-    insert = "  0\nINSERT\n  8\n1\n  2\nSLEEVE\n 10\n0\n 20\n0\n 42\nnan\n"
-    path.write_text(path.read_text().replace("  0\nENDBLK\n", insert + "  0\nENDBLK\n", 1))
+def test_a_circle_about_no_place_is_refused_at_once(tmp_path: Path) -> None:
+    """Flattening a curve of coordinates that are no numbers would never end."""
+    path = blocks(*yoked()).finish(tmp_path / "circle.dxf")
+    circle = "  0\nCIRCLE\n  8\n1\n 10\nnan\n 20\n0\n 40\n5\n"
+    path.write_text(path.read_text().replace("  0\nENDBLK\n", circle + "  0\nENDBLK\n", 1))
     with pytest.raises(InputError, match="not a usable number"):
         read_drafted(path)
