@@ -128,6 +128,19 @@ def test_a_tshirt_beside_its_body_has_limbs_outside_their_openings(
     assert Wearing.of(wearing.openings, points, wearing.triangles, wearing.skeleton).start_fault != ""
 
 
+def test_a_tshirt_that_starts_badly_below_the_shoulders_is_sewn_on_them(tshirt: Outfit) -> None:
+    """It would stay below: nothing falls up. One that starts right is left where it is."""
+    (garment,), (wearing,) = tshirt.garments, tshirt.wearing
+    assert wearing is not None
+    up = wearing.skeleton.up
+    below = garment.points - (wearing.over_shoulders(garment.points) + 0.15) * up
+    for fault in ("cloth starts on both sides of an arm", ""):
+        low = Wearing.of(wearing.openings, below, garment.triangles, wearing.skeleton)
+        vars(low)["start_fault"] = fault
+        vars(low)["misplaced_at_start"] = []
+        assert low.over_shoulders(low.onto) == pytest.approx(0.0 if fault else -0.15, abs=0.01)
+
+
 def test_a_tshirt_cut_open_in_front_is_for_both_arms_and_all_the_rest(tshirt: Outfit) -> None:
     """Neckline and hem are then one opening, that is for neither head nor legs alone."""
     (wearing,), (garment,) = tshirt.wearing, tshirt.garments

@@ -28,6 +28,7 @@ FAR_TRUNK = 0.08  # of the body's span, from the middle of its openings: the tru
 FAR_WAIST = 0.25  # [m] above or below the waist: low trousers and high skirts begin nearer
 COVERED = 0.03  # [m] of a sleeve beyond the fingertips, or of a leg beyond the toes, that is too long
 NECK = 0.08  # [m] above the shoulders: a neckline that starts higher is round the head
+LOW = 0.05  # [m] below the shoulders, where what is sewn stays off them: nothing falls up
 FAR_SHOULDERS = 0.3  # [m] above or below the shoulders, of what starts beside them: from nearer it falls onto them
 
 
@@ -236,7 +237,8 @@ class Wearing:
         if above := self.over_shoulders(points + shift):
             is_round_head = above > NECK and self._pierced_by_head(points + shift)
             is_under = above < 0.0 and any(HEAD in each.wanted for each in self.misplaced_at_start)
-            is_far = is_round_head or is_under or abs(above) > FAR_SHOULDERS
+            is_low = above < -LOW and bool(self.start_fault)
+            is_far = is_round_head or is_under or is_low or abs(above) > FAR_SHOULDERS
             shift = shift - skeleton.up * (above if is_far else 0.0)
         elif sleeves:
             up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)

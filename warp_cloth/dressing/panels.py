@@ -70,10 +70,13 @@ def skirt_closed(wearing: Wearing, points: Points) -> Points:
     if of_skirt[np.min(tops, axis=0) == 0.0].any():  # one piece, not of panels
         of_skirt = distances[LEGS] < np.min(tops, axis=0)
     widest = float(np.abs(aside[of_skirt]).max(initial=0.0))
-    closed = aside * np.where(of_skirt, CLOSED / widest, 1.0)
-    there = centre + radius[:, None] * np.stack([np.sin(closed), -np.cos(closed)], axis=1)
-    change = np.where(of_skirt[:, None], there - flat, 0.0)
+    closing = CLOSED / widest
     seam = np.intersect1d(triangles_across(wearing.triangles, of_skirt), np.flatnonzero(of_skirt))
+    # the waist keeps its length: as a fan about its own centre it would be narrower than the legs within are apart
+    waist = float(radius[seam].mean()) if len(seam) else 0.0
+    closed, farther = closing * aside, radius + waist * (1.0 / closing - 1.0)
+    there = centre + farther[:, None] * np.stack([np.sin(closed), -np.cos(closed)], axis=1)
+    change = np.where(of_skirt[:, None], there - flat, 0.0)
     if len(seam):  # the waist of a fan lies all about its centre, that of the closed one below
         change[of_skirt, 1] -= change[seam, 1].mean()
     moved: Points = points + change[:, :1] * skeleton.left + change[:, 1:] * skeleton.up

@@ -30,7 +30,7 @@ from warp_cloth.garment.outfit import Outfit, garments_in
 from warp_cloth.model.attempt import TORN, Attempt, Patience
 from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.scene import Scene
-from warp_cloth.scene.sewing import SEWING, sewing_scene_of
+from warp_cloth.scene.sewing import MOMENTUM, SEWING, sewing_scene_of
 from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.loop import BURST
 
@@ -240,6 +240,8 @@ class _Dressing:
 
         Not longer: cloth slides down a body without shoulders.
         """
+        if self._problem.schedule is not None:
+            self._problem.schedule.hold_back(MOMENTUM)
         while self._iterations < SEWING:
             self._relax(CHECK)
             if not self._is_calm and float(edge_strains(self._problem.model).max(initial=0.0)) < SEWN:

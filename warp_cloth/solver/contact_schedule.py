@@ -41,7 +41,7 @@ class ContactSchedule:
         self.tangled_for = 0  # iterations for which cloth has crossed since contact began; 0: nothing crosses
         if cloth_contact.layered:
             cloth_contact.lift(LAYER_LIFT)
-        self._set_momentum(min(CALM_MOMENTUM, self._momentum))
+        self.hold_back(CALM_MOMENTUM)
 
     @property
     def calm(self) -> bool:
@@ -85,6 +85,10 @@ class ContactSchedule:
         if self._overflows or self._crosses_again:
             self._overflows = self._crosses_again = False
             self._relaxation.drop_graphs()
+
+    def hold_back(self, momentum: float) -> None:
+        """Holds momentum back to this until nothing crosses."""
+        self._set_momentum(min(momentum, self._momentum))
 
     def _set_momentum(self, momentum: float) -> None:
         self._relaxation.step.momentum = momentum
