@@ -30,7 +30,7 @@ from warp_cloth.garment.outfit import Outfit, garments_in
 from warp_cloth.model.attempt import TORN, Attempt, Patience
 from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.scene import Scene
-from warp_cloth.scene.sewing import MOMENTUM, SEWING, sewing_scene_of
+from warp_cloth.scene.sewing import SEWING, SLOW_MOMENTUM, sewing_scene_of
 from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.loop import BURST
 
@@ -137,8 +137,12 @@ def _alone(scene: Scene, outfit: Outfit, index: int) -> tuple[Scene, Outfit]:
 def _sewn_and_carried(
     scene: Scene, outfit: Outfit, device: str, offset: float, clock: StageClock, watching: bool, lifted: bool
 ) -> _PosedStart:
-    dressing = _Dressing(scene, outfit, device, offset, clock, lifted=lifted, watching=watching)
+    make = partial(_Dressing, scene, outfit, device, offset, clock, lifted=lifted, watching=watching)
+    dressing = make()
     dressing.sew()
+    if dressing.is_tangled:
+        dressing = make()
+        dressing.sew(SLOW_MOMENTUM)
     if dressing.wearing.is_trousers and not lifted:
         dressing.pull_on()
     elif dressing.wearing.is_round_head and not lifted:
@@ -235,21 +239,21 @@ class _Dressing:
         far = dict(zip(ARMS, self._no_sleeves, strict=True))
         return any(curve_crossings(points, far[arm], home[arm]) > 0 for arm in self._moved)
 
-    def sew(self) -> None:
+    def sew(self, momentum: float | None = None) -> None:
         """Relaxes until the seams have closed and nothing crosses.
 
-        Not longer: cloth slides down a body without shoulders.
+        Not longer: cloth slides down a body without shoulders. ``momentum``: of panels drawn together; None: as usual.
         """
-        if self._problem.schedule is not None:
-            self._problem.schedule.hold_back(MOMENTUM)
+        if momentum is not None and self._problem.schedule is not None:
+            self._problem.schedule.hold_back(momentum)
         while self._iterations < SEWING:
             self._relax(CHECK)
-            if not self._is_calm and float(edge_strains(self._problem.model).max(initial=0.0)) < SEWN:
+            if not self.is_tangled and float(edge_strains(self._problem.model).max(initial=0.0)) < SEWN:
                 break
 
     def untangle(self) -> None:
         """Relaxes until nothing crosses, on a body too thin to hold what does."""
-        while self._is_calm and self._iterations < UNTANGLING:
+        while self.is_tangled and self._iterations < UNTANGLING:
             self._relax(CHECK)
 
     def lift(self) -> None:
@@ -368,7 +372,7 @@ class _Dressing:
         return self._problem.model.points()
 
     @property
-    def _is_calm(self) -> bool:
+    def is_tangled(self) -> bool:
         """Whether cloth still crosses cloth."""
         return self._problem.schedule is not None and self._problem.schedule.calm
 
