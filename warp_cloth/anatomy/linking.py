@@ -111,11 +111,12 @@ class Wearing:
     def of(cls, openings: tuple[Opening, ...], points: Points, triangles: Indices, skeleton: Skeleton) -> Wearing:
         """``points`` are those that the garment starts at [m].
 
-        Where that is bad on a body that sits or bows, the garment is taken to be placed for one who stands.
+        Where that is bad on a body that sits or bows, the garment is taken to be placed for one who stands. So is a
+        wide skirt, which would be a cape where it starts.
         """
         placed = cls(openings, tuple(limbs_for(openings, points, skeleton)), triangles, skeleton, points, points)
         followed = moved_from_standing(points, skeleton)
-        if followed is None or not placed.start_fault:
+        if followed is None or not (placed.start_fault or placed.is_wide_cape):
             return placed
         return cls(openings, tuple(limbs_for(openings, followed, skeleton)), triangles, skeleton, points, followed)
 
@@ -135,6 +136,14 @@ class Wearing:
     @cached_property
     def misplaced_at_start(self) -> list[Misplaced]:
         return self.misplaced(self.followed)
+
+    @property
+    def is_wide_cape(self) -> bool:
+        """Whether it hangs from the head's opening alone, and that is too wide to lie between the shoulders."""
+        right, left = (self.skeleton.curves[arm][self.skeleton.joints[arm]] for arm in ARMS)
+        narrowest = min((opening.girth for opening in self.openings), default=0.0)
+        is_cape = all(limbs in ((HEAD,), ()) for limbs in self.limbs)
+        return is_cape and 0.5 * narrowest > float(np.linalg.norm(left - right))
 
     @property
     def hangs_from_waist(self) -> bool:

@@ -31,6 +31,8 @@ class PosedBody:
         limb, self._station = self._with_roots(body.points)
         self._of_limb = [np.flatnonzero(limb == number) for number in range(TRUNK)]
         self._of_trunk = np.flatnonzero(limb == TRUNK)
+        # the chest below the armpits would stand out from under raised arms, and catch cloth
+        self._turns = ~(np.isin(limb, ARMS) & (skeleton.limb == TRUNK))[:, None]
         self._base = skeleton.spine_at(body.points)  # the point that each vertex is thinned towards
         for curve, own in zip(self.home[:TRUNK], self._of_limb, strict=True):
             self._base[own] = _at(curve, self._station[own])
@@ -65,7 +67,8 @@ class PosedBody:
         for number, (curve, own) in enumerate(zip(curves[:TRUNK], self._of_limb, strict=True)):
             station = self._station[own]
             base[own] = _at(curve, station)
-            offset[own] = _rotated(offset[own], _at(self._tangents[number], station), _at(_tangents(curve), station))
+            tangents = _at(self._tangents[number], station), _at(_tangents(curve), station)
+            offset[own] = np.where(self._turns[own], _rotated(offset[own], *tangents), offset[own])
         length = np.linalg.norm(offset, axis=1, keepdims=True)
         found: Points = base + offset * np.minimum(1.0, thickness / np.maximum(length, 1e-9))
         return found

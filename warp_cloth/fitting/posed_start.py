@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
@@ -18,7 +18,9 @@ from warp_cloth.avatar.contact import followed
 from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
-from warp_cloth.base.mesh import Indices, Points
+from warp_cloth.base.mesh import Points
+from warp_cloth.dressing.loose_cloth import STEP as ARM_STEP
+from warp_cloth.dressing.loose_cloth import loose_cloth, met
 from warp_cloth.dressing.panels import parted
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
@@ -55,7 +57,7 @@ GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls
 HEAVY = 3000.0  # weight of cloth that falls, over that of sewn cloth: 10 kg/m2 stretches by less than 1 %
 FALLING = 3000  # iterations at most
 SLOW = 0.01  # [m] in CHECK iterations
-SLEEVE = 0.3  # [m] from an arm's opening; cloth farther off that the arm meets is no sleeve
+SHORTEST = 1.0 / 32.0  # part of a step in which arms move, where they come upon cloth
 OFFSET = 0.003  # [m] of the innermost garment
 LAYER = 0.006  # [m] that each further garment is farther out
 CACHE_NAME = "posed"
@@ -191,9 +193,12 @@ class _Dressing:
         garment = replace(garment, points=parted(wearing, wearing.onto) if worn is None else worn)
         self._body = PosedBody(avatar, wearing.skeleton)
         self._posed, self._moved, self.could_slide = self._body.home, list(ARMS), False
+        self._loose = loose_cloth(wearing)
         self._away: list[Points] | None = None
         if worn is None:
             self._pose(garment.points, lifted)
+        self._curves: Sequence[Points] = self._posed
+        self._thickness = THIN
         self._surface, self._slid = self._body.points(self._posed, THIN), self._body.slid(self._posed)
         sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
@@ -221,22 +226,11 @@ class _Dressing:
         last_home = [*(ARMS if has_armholes else ()), *(LEGS if wearing.has_legs and not lifted else ())]
         self._away = self._body.away(last_home)
 
-    @cached_property
-    def _no_sleeves(self) -> list[Indices]:
-        """For each arm the triangles that are far from its opening, and nearer to the hem."""
-        triangles, distances = self.wearing.triangles, self.wearing.distances()
-        to_hem = next(
-            (each for limbs, each in distances.items() if set(LEGS) <= set(limbs)), np.zeros(len(self._points))
-        )
-        none = np.full(len(self._points), np.inf)
-        to_arm = [np.min([none, *(each for limbs, each in distances.items() if arm in limbs)], axis=0) for arm in ARMS]
-        return [triangles[((near > SLEEVE) & (near > to_hem))[triangles].all(axis=1)] for near in to_arm]
-
     @property
     def in_the_way(self) -> bool:
         """Whether cloth that is far from an arm's opening lies where the arm is at home."""
         points, home = self._points, self._body.home
-        far = dict(zip(ARMS, self._no_sleeves, strict=True))
+        far = dict(zip(ARMS, self._loose, strict=True))
         return any(curve_crossings(points, far[arm], home[arm]) > 0 for arm in self._moved)
 
     def sew(self, momentum: float | None = None) -> None:
@@ -353,7 +347,23 @@ class _Dressing:
         return self._body.home if self._away is None else self._away
 
     def _follow(self, curves: Sequence[Points], thickness: float) -> None:
+        """Moves the body there, slowly where an arm comes upon cloth, which it would pass through; [m]."""
+        first, done, growth = self._curves, 0.0, min(thickness, THICK) - self._thickness
+        while done < 1.0:
+            step = 1.0 - done
+            while step > SHORTEST and self._met(self._body.between(curves, first, 1.0 - done - step)) > ARM_STEP:
+                step *= 0.5
+            done += step
+            if done < 1.0:
+                self._step(self._body.between(curves, first, 1.0 - done), self._thickness + growth * done)
+        self._step(curves, thickness)
+
+    def _met(self, curves: Sequence[Points]) -> float:
+        return met(self._loose, self._points, self._curves, curves)
+
+    def _step(self, curves: Sequence[Points], thickness: float) -> None:
         """Moves the body there, and the cloth with it, but for what the trunk slides along itself; [m]."""
+        self._curves, self._thickness = curves, min(thickness, THICK)
         exact = build_exact_collider(replace(self._avatar, points=self._surface), self._device)
         self._surface, slid = self._body.points(curves, thickness), self._body.slid(curves)
         self._problem.model.set_points(followed(exact, self._surface - (slid - self._slid), self._points))
