@@ -12,9 +12,10 @@ from pxr import Usd, UsdGeom
 
 import warp_cloth
 from warp_cloth.anatomy.openings import ARMS, LEGS
-from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, Skeleton
+from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, TRUNK, Skeleton
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
+from warp_cloth.base.curves import arc_lengths
 from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.contact.sheets import sheets_of
 from warp_cloth.dressing.free_space import FreeSpace
@@ -75,6 +76,22 @@ def test_a_body_along_its_own_curves_is_itself_and_a_thin_one_close_to_them(tshi
     assert body.points(body.between(body.home, body.home, 0.5), np.inf) == pytest.approx(tshirt.avatar.points, abs=1e-6)
     thin = body.points(body.home, 0.03)
     assert np.linalg.norm(thin - body.points(body.home, 0.0), axis=1).max() == pytest.approx(0.03)
+
+
+def test_the_chest_stays_where_it_is_under_raised_arms(tshirt: Outfit, skeleton: Skeleton) -> None:
+    """What belongs to the root of an arm does not turn with it, or it stands out and holds cloth up."""
+    assert tshirt.avatar is not None
+    body = PosedBody(tshirt.avatar, skeleton)
+    curves = list(body.home)
+    for arm in ARMS:  # overhead
+        along = arc_lengths(skeleton.curves[arm])
+        joint = int(np.ceil(along[skeleton.joints[arm]] / along[-1] * (STATIONS - 1)))
+        off = np.linalg.norm(curves[arm][joint:] - curves[arm][joint], axis=1)[:, None]
+        curves[arm] = np.vstack([curves[arm][:joint], curves[arm][joint] + off * skeleton.up])
+    of_trunk = skeleton.limb == TRUNK
+    moved = np.linalg.norm(body.points(curves, np.inf) - tshirt.avatar.points, axis=1)
+    assert moved[of_trunk].max() < 0.05
+    assert moved[np.isin(skeleton.limb, ARMS)].max() > 0.5
 
 
 def test_arms_leave_by_the_sleeves(tshirt: Outfit, skeleton: Skeleton) -> None:

@@ -11,9 +11,10 @@ import pytest
 
 from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import ARMS, LEGS
-from warp_cloth.anatomy.raising import LEGS_AWAY, raised_limb
+from warp_cloth.anatomy.raising import LEGS_AWAY, raised_limb, standing_leg
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM
 from warp_cloth.base.curves import arc_lengths, resampled
+from warp_cloth.dressing.loose_cloth import met
 from warp_cloth.dressing.panels import CLOSED, legs_parted, skirt_closed
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import Route, _is_armhole, _turned_up, curves_of
@@ -191,6 +192,44 @@ def test_legs_are_spread_to_their_own_sides() -> None:
     np.testing.assert_allclose(right, left * [-1.0, 1.0, 1.0], atol=1e-12)
     way = left[-1] - left[1]
     assert np.arctan2(way[0], -way[1]) == pytest.approx(LEGS_AWAY)
+
+
+def test_legs_that_sit_stand_up_as_far_out_as_they_are_spread() -> None:
+    """The thigh to the front, the shin down; a leg that hangs stands as it is."""
+    sitting = skeleton()
+    assert standing_leg(sitting, LEGS[1]) is None
+    leg = np.array([[0.0, 1.4, 0.0], SHOULDER, [0.2, 1.4, 0.4], [0.2, 1.4, 0.5], [0.2, 1.0, 0.5]])
+    sitting.curves[LEGS[1]] = leg
+    standing = standing_leg(sitting, LEGS[1])
+    assert standing is not None
+    np.testing.assert_array_equal(standing[:2], leg[:2])
+    assert arc_lengths(standing)[-1] == pytest.approx(arc_lengths(leg)[-1])
+    way = standing[-1] - standing[1]
+    assert np.arctan2(way[0], -way[1]) == pytest.approx(LEGS_AWAY)
+    assert way[2] == 0.0
+
+
+def test_an_arm_comes_upon_cloth_that_is_near_where_it_moves() -> None:
+    """By how far its points near the cloth move; a hand that is not near it does not count."""
+    arm = np.linspace([0.0, 1.4, 0.0], [0.7, 1.4, 0.0], 8)
+    lowered = arm - [0.0, 0.15, 0.0] * arm[:, :1] / 0.7
+    none = np.zeros((0, 3), dtype=np.int32)
+    cloth = np.array([[0.3, 1.3, 0.0], [0.3, 1.3, 0.1], [0.3, 1.2, 0.0], [9.0, 0.0, 0.0]])
+    before, after = [arm] * 5, [arm, arm, lowered, arm, arm]
+    found = met([none, np.array([[0, 1, 2]])], cloth, before, after)
+    assert 0.05 < found < 0.12  # the hand moves by 0.15
+    assert met([none, none], cloth, before, after) == 0.0
+    assert met([none, np.array([[0, 1, 2]])], cloth, before, before) == 0.0
+
+
+@pytest.mark.parametrize(("girth", "is_so"), [(0.9, True), (0.7, False)])
+def test_a_wide_skirt_at_the_shoulders_is_no_cape(girth: float, is_so: bool) -> None:
+    arms = skeleton()
+    arms.curves[ARMS[0]] = arms.curves[ARMS[0]] * [-1.0, 1.0, 1.0]
+    none: Any = np.zeros((0, 3))
+    openings: Any = SimpleNamespace(girth=5.0), SimpleNamespace(girth=girth)
+    assert Wearing(openings, ((HEAD,), (HEAD,)), none, arms, none, none).is_wide_cape is is_so
+    assert not Wearing(openings, (LEGS, (HEAD,)), none, arms, none, none).is_wide_cape
 
 
 def test_a_neckline_that_starts_behind_the_neck_is_moved_round_it() -> None:

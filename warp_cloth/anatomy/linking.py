@@ -240,7 +240,8 @@ class Wearing:
         sleeves = [points[opening.loop].mean(axis=0) for opening, limbs in pairs if limbs in SLEEVED]
         shift = np.zeros(3)
         is_wrong = any(id(opening) in wrong for opening in self._round_trunk)
-        if is_wrong or float(np.linalg.norm(self.across)) > FAR_TRUNK * skeleton.span:
+        is_moved = self.hangs_from_waist and self.followed is not self.start  # onto who sits
+        if is_wrong or is_moved or float(np.linalg.norm(self.across)) > FAR_TRUNK * skeleton.span:
             shift = shift + self.across
         shift = shift + self._onto_neck(points + shift)
         if above := self.over_shoulders(points + shift):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.openings import ARMS, LEGS
-from warp_cloth.anatomy.raising import raised_limb
+from warp_cloth.anatomy.raising import raised_limb, standing_leg
 from warp_cloth.anatomy.skeleton import TRUNK, Skeleton
 from warp_cloth.base.curves import arc_lengths, resampled
 from warp_cloth.base.mesh import Mesh, Points
@@ -88,13 +88,24 @@ class PosedBody:
         return raised
 
     def away(self, limbs: Sequence[int]) -> list[Points] | None:
-        """The curves at home, but with those of these limbs that hang raised from down; None: none of them hangs."""
-        raised = {limb: raised_limb(self._skeleton, limb) for limb in limbs}
+        """The curves at home, but with those of these limbs that hang raised from down; None: none of them hangs.
+
+        Legs of who sits stand.
+        """
+        skeleton = self._skeleton
+        raised = {limb: raised_limb(skeleton, limb) for limb in limbs}
+        standing = {leg: standing_leg(skeleton, leg) for leg in set(limbs) & set(LEGS)}
+        raised |= {leg: curve for leg, curve in standing.items() if curve is not None}
         hanging = {limb: curve for limb, curve in raised.items() if curve is not None}
         curves = list(self.home)
         for limb, curve in hanging.items():
             curves[limb] = resampled(smoothed(curve, 2), STATIONS)
         return curves if hanging else None
+
+    def stands_up(self, curves: Sequence[Points]) -> bool:
+        """Whether a leg that is raised to the front at home is straight down in these curves."""
+        skeleton = self._skeleton
+        return any(curves[leg] is not self.home[leg] and standing_leg(skeleton, leg) is not None for leg in LEGS)
 
     def at_shoulders(self, posed: Sequence[Points], others: Sequence[Points]) -> list[Points]:
         """Curves with the arms as in ``posed``, but from the shoulders that are at home, and all else as ``others``."""

@@ -44,6 +44,8 @@ SEWN = 0.2  # strain of the edges of seams that have closed
 STEPS = 24  # from there home
 POSED_FOR = 0.5  # fraction of the steps after which all limbs are home; then they only grow
 HANGING_STEPS = 8  # further ones, in which arms come down to the trunk and legs to each other
+LEG_STEP = 0.01  # [m] that legs move in a step at most as they sit down; steps of 2 cm leave crossing cloth
+LEAN = 0.06  # [m]; what the body has at most then: whole thighs pinch what is between them, thin legs pass through it
 SPREADING_STEPS = 10  # in which thin legs come to where trousers are pulled on
 PULL = 0.01  # [m] that these are pulled up in a burst; cloth that moves by more passes through legs
 PULLS = 60  # at most
@@ -247,7 +249,9 @@ class _Dressing:
 
     def untangle(self) -> None:
         """Relaxes until nothing crosses, on a body too thin to hold what does."""
-        while self.is_tangled and self._iterations < UNTANGLING:
+        for _ in range(0, UNTANGLING, CHECK):
+            if not self.is_tangled:
+                break
             self._relax(CHECK)
 
     def lift(self) -> None:
@@ -331,11 +335,24 @@ class _Dressing:
 
     def come_home(self) -> None:
         """Takes the limbs home that come last, and lets the body be whole."""
-        if self._away is not None:
+        home, away = self._body.home, self._away
+        if away is not None and self._body.stands_up(away):
+            self._sit_down(away)
+        elif away is not None:
             for step in range(HANGING_STEPS):
-                curves = self._body.between(self._body.home, self._away, 1.0 - step / HANGING_STEPS)
-                self._follow(curves, THICK)
+                self._follow(self._body.between(home, away, 1.0 - step / HANGING_STEPS), THICK)
         self._follow(self._body.home, np.inf)
+
+    def _sit_down(self, standing: Sequence[Points]) -> None:
+        """Lets standing legs sit down lean, since thighs and shins would pinch what is between them, and grow there."""
+        home = self._body.home
+        farthest = max(float(np.linalg.norm(home[leg] - standing[leg], axis=1).max()) for leg in LEGS)
+        steps = int(np.ceil(farthest / LEG_STEP))
+        for step in range(steps + 1):
+            self._follow(self._body.between(home, standing, 1.0 - step / steps), LEAN)
+        self.untangle()
+        for step in range(1, STEPS + 1):
+            self._follow(home, LEAN + (THICK - LEAN) * (step / STEPS) ** GROWTH)
 
     def _take(self, posed: float, thickness: float) -> None:
         """Moves the body between home, 0, with some limbs away from it, and its pose, 1; ``thickness`` [m]."""
