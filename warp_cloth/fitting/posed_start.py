@@ -19,7 +19,7 @@ from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Points
-from warp_cloth.dressing.loose_cloth import STEP as ARM_STEP
+from warp_cloth.dressing.loose_cloth import STEP as MEETING_STEP
 from warp_cloth.dressing.loose_cloth import loose_cloth, met
 from warp_cloth.dressing.panels import parted
 from warp_cloth.dressing.posing import STATIONS, PosedBody
@@ -59,7 +59,7 @@ GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls
 HEAVY = 3000.0  # weight of cloth that falls, over that of sewn cloth: 10 kg/m2 stretches by less than 1 %
 FALLING = 3000  # iterations at most
 SLOW = 0.01  # [m] in CHECK iterations
-SHORTEST = 1.0 / 32.0  # part of a step in which arms move, where they come upon cloth
+SHORTEST = 1.0 / 32.0  # part of a step in which limbs move, where they come upon cloth
 OFFSET = 0.003  # [m] of the innermost garment
 LAYER = 0.006  # [m] that each further garment is farther out
 CACHE_NAME = "posed"
@@ -232,8 +232,7 @@ class _Dressing:
     def in_the_way(self) -> bool:
         """Whether cloth that is far from an arm's opening lies where the arm is at home."""
         points, home = self._points, self._body.home
-        far = dict(zip(ARMS, self._loose, strict=True))
-        return any(curve_crossings(points, far[arm], home[arm]) > 0 for arm in self._moved)
+        return any(curve_crossings(points, self._loose[arm], home[arm]) > 0 for arm in self._moved)
 
     def sew(self, momentum: float | None = None) -> None:
         """Relaxes until the seams have closed and nothing crosses.
@@ -364,11 +363,11 @@ class _Dressing:
         return self._body.home if self._away is None else self._away
 
     def _follow(self, curves: Sequence[Points], thickness: float) -> None:
-        """Moves the body there, slowly where an arm comes upon cloth, which it would pass through; [m]."""
+        """Moves the body there, slowly where a limb comes upon cloth, which it would pass through; [m]."""
         first, done, growth = self._curves, 0.0, min(thickness, THICK) - self._thickness
         while done < 1.0:
             step = 1.0 - done
-            while step > SHORTEST and self._met(self._body.between(curves, first, 1.0 - done - step)) > ARM_STEP:
+            while step > SHORTEST and self._met(self._body.between(curves, first, 1.0 - done - step)) > MEETING_STEP:
                 step *= 0.5
             done += step
             if done < 1.0:
