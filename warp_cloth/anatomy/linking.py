@@ -28,7 +28,8 @@ FAR_TRUNK = 0.08  # of the body's span, from the middle of its openings: the tru
 FAR_WAIST = 0.25  # [m] above or below the waist: low trousers and high skirts begin nearer
 COVERED = 0.03  # [m] of a sleeve beyond the fingertips, or of a leg beyond the toes, that is too long
 NECK = 0.08  # [m] above the shoulders: a neckline that starts higher is round the head
-LOW = 0.05  # [m] below the shoulders, where what is sewn stays off them: nothing falls up
+LOW = 0.05  # [m] below the shoulders, where what has sleeves stays off them: nothing falls up
+SLEEVE = 0.2  # [m] from the neckline to the opening of a sleeve, at least; to an armhole it is 0.06 to 0.12
 FAR_SHOULDERS = 0.3  # [m] above or below the shoulders, of what starts beside them: from nearer it falls onto them
 
 
@@ -247,7 +248,7 @@ class Wearing:
         if above := self.over_shoulders(points + shift):
             is_round_head = above > NECK and self._pierced_by_head(points + shift)
             is_under = above < 0.0 and any(HEAD in each.wanted for each in self.misplaced_at_start)
-            is_low = above < -LOW and bool(self.start_fault)
+            is_low = above < -LOW and bool(self.start_fault) and self._has_sleeves
             is_far = is_round_head or is_under or is_low or abs(above) > FAR_SHOULDERS
             shift = shift - skeleton.up * (above if is_far else 0.0)
         elif sleeves:
@@ -258,6 +259,15 @@ class Wearing:
             up = -max(float((middle - skeleton.middle) @ skeleton.up) for middle in middles)
             shift = shift + skeleton.up * (up if abs(up) > FAR_WAIST else 0.0)
         return shift
+
+    @property
+    def _has_sleeves(self) -> bool:
+        """Whether arms' openings are far from the neckline, as armholes are not."""
+        pairs = list(zip(self.openings, self.limbs, strict=True))
+        necks = [opening.loop for opening, limbs in pairs if HEAD in limbs]
+        arms = [opening for opening, limbs in pairs if limbs in SLEEVED]
+        far = [float(arm.distances[neck].min()) > SLEEVE for arm in arms for neck in necks]
+        return bool(far) and all(far)
 
     def _onto_neck(self, points: Points) -> Points:
         """What moves a neckline that starts before or behind the neck round it, across [m], shape [3].

@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from warp_cloth.anatomy.linking import Wearing
+from warp_cloth.anatomy.linking import SLEEVED, Wearing
 from warp_cloth.anatomy.skeleton import Skeleton
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.mesh import Mesh, Points
@@ -176,8 +176,8 @@ def _scaled_or_stood_up(spec: GarmentSpec, mesh: Mesh, wearing: Wearing) -> Chan
         if _off_limbs(wearing, stood) < NEARER * _off_limbs(wearing, wearing.start):
             return {"up": "z"}, "with y up its openings would be far from the limbs"
         readings.append(({"up": "z"}, stood, "with y up"))
-    if spec.units is None and was_guessed(mesh):
-        metres = next(length for unit, length in METRES_PER.items() if unit == mesh.unit)
+    metres = next((length for unit, length in METRES_PER.items() if unit == mesh.unit), None)
+    if spec.units is None and was_guessed(mesh) and metres is not None:  # None: it was scaled to its panels
         for unit in OTHER_UNITS:
             scaled = wearing.start * (METRES_PER[unit] / metres)
             readings.append(({"units": unit}, scaled, f"in {mesh.unit}"))
@@ -238,13 +238,13 @@ def _turned(cloth: Cloth, wearing: Wearing) -> Change | None:
 def _turned_a_quarter(cloth: Cloth, wearing: Wearing) -> Change | None:
     """The quarter turn about the body where a garment starts on every limb, as one sleeve has none to be compared with.
 
-    None: there it starts badly, too.
+    None: there it starts badly, too, or it has no sleeve, and a skirt may lie over the arms either way.
     """
     turns = [_about_axis(degrees, wearing.skeleton.middle) for degrees in (QUARTER, -QUARTER)]
     good = []
     for turn in turns:
         there = Wearing.of(wearing.openings, turn.moved(wearing.start), wearing.triangles, wearing.skeleton)
-        if not there.start_fault:
+        if not there.start_fault and any(limbs in SLEEVED for limbs in there.limbs):
             good.append((cloth.front(there, there.start).score, turn))
     if not good:
         return None
