@@ -316,7 +316,7 @@ def test_what_is_wrong_round_a_limb_is_sewn_round_the_body_posed_within_it(wrong
     turned = following(failed, Ended(posed, LIMIT, 0, VERTICES, cut_short=CutShort.STALLED))
     assert decisions(turned) == ("multilevel", True, 1)
     torn = following(failed, Ended(posed, LIMIT, 0, VERTICES, torn=5, cut_short=CutShort.STALLED))
-    assert decisions(torn) == ("multilevel", False, None)
+    assert decisions(torn) == ("multilevel", True, 1)
     assert following(failed, Ended(posed, REST, 0, VERTICES)) is None
 
 

@@ -81,7 +81,7 @@ def test_a_body_along_its_own_curves_is_itself_and_a_thin_one_close_to_them(tshi
 def test_the_chest_stays_where_it_is_under_raised_arms(tshirt: Outfit, skeleton: Skeleton) -> None:
     """What belongs to the root of an arm does not turn with it, or it stands out and holds cloth up."""
     assert tshirt.avatar is not None
-    body = PosedBody(tshirt.avatar, skeleton)
+    body = PosedBody(tshirt.avatar, skeleton, chest_stays=True)
     curves = list(body.home)
     for arm in ARMS:  # overhead
         along = arc_lengths(skeleton.curves[arm])

@@ -23,7 +23,12 @@ ROOT = 20  # points along the part of a limb's curve that leads from the spine t
 class PosedBody:
     """A body whose vertices follow the curves of their limbs."""
 
-    def __init__(self, body: Mesh, skeleton: Skeleton) -> None:
+    def __init__(self, body: Mesh, skeleton: Skeleton, *, chest_stays: bool = False) -> None:
+        """``chest_stays``: below the armpits, under arms that turn.
+
+        It would stand out from under raised arms and hold a waistband up; but cloth that arms pass through tears where
+        they leave their roots behind.
+        """
         self._skeleton = skeleton
         limbs = [resampled(smoothed(curve, 2), STATIONS) for curve in skeleton.curves]
         self.home = [*limbs, resampled(skeleton.spine, STATIONS)]  # the trunk's last
@@ -31,8 +36,7 @@ class PosedBody:
         limb, self._station = self._with_roots(body.points)
         self._of_limb = [np.flatnonzero(limb == number) for number in range(TRUNK)]
         self._of_trunk = np.flatnonzero(limb == TRUNK)
-        # the chest below the armpits would stand out from under raised arms, and catch cloth
-        self._turns = ~(np.isin(limb, ARMS) & (skeleton.limb == TRUNK))[:, None]
+        self._turns = ~(chest_stays & np.isin(limb, ARMS) & (skeleton.limb == TRUNK))[:, None]
         self._base = skeleton.spine_at(body.points)  # the point that each vertex is thinned towards
         for curve, own in zip(self.home[:TRUNK], self._of_limb, strict=True):
             self._base[own] = _at(curve, self._station[own])

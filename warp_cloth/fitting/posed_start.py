@@ -193,7 +193,7 @@ class _Dressing:
         sewing = sewing_scene_of(scene, offset)
         (garment,) = garments_in(sewing, outfit.meshes)
         garment = replace(garment, points=parted(wearing, wearing.onto) if worn is None else worn)
-        self._body = PosedBody(avatar, wearing.skeleton)
+        self._body = PosedBody(avatar, wearing.skeleton, chest_stays=wearing.hangs_from_waist)
         self._posed, self._moved, self.could_slide = self._body.home, list(ARMS), False
         self._loose = loose_cloth(wearing)
         self._away: list[Points] | None = None

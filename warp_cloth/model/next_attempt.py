@@ -300,9 +300,9 @@ def _posed(stated: Scene, outfit: Outfit, why: str, *, last: bool) -> Attempt:
 
 
 def _may_turn(ended: Ended) -> bool:
-    """Whether cloth that is whole and rightly worn, but comes no nearer to rest by per-vertex steps, can turn."""
-    whole = ended.apart and not (ended.torn or ended.misplaced)
+    """Whether cloth that comes no nearer to rest by per-vertex steps can turn: it is whole, or no more can be sewn."""
     attempt = ended.attempt
+    whole = ended.apart and (attempt.posed or not (ended.torn or ended.misplaced))
     stalled = ended.cut_short is CutShort.STALLED and attempt.patience is Patience.SHORT
     return whole and stalled and attempt.touches and attempt.turn_after == FALLING
 
