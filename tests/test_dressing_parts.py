@@ -213,10 +213,10 @@ def test_an_arm_comes_upon_cloth_that_is_near_where_it_moves() -> None:
     """By how far its points near the cloth move; a hand that is not near it does not count."""
     arm = np.linspace([0.0, 1.4, 0.0], [0.7, 1.4, 0.0], 8)
     lowered = arm - [0.0, 0.15, 0.0] * arm[:, :1] / 0.7
-    none = np.zeros((0, 3), dtype=np.int32)
+    none = np.zeros(0, dtype=np.int32)
     cloth = np.array([[0.3, 1.3, 0.0], [0.3, 1.3, 0.1], [0.3, 1.2, 0.0], [9.0, 0.0, 0.0]])
     before, after = [arm] * 5, [arm, arm, lowered, arm, arm]
-    loose = [none, none, np.array([[0, 1, 2]]), none, none]
+    loose = [none, none, np.array([0, 1, 2]), none, none]
     found = met(loose, cloth, before, after)
     assert 0.05 < found < 0.12  # the hand moves by 0.15
     assert met([none] * 5, cloth, before, after) == 0.0

@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 PACKAGE = __name__.partition(".")[0]
 NOT_OURS = (KeyError, IndexError, TypeError, ValueError, AttributeError, ImportError)  # what else a file may lead to
-SMALLEST = 2000  # vertices of a mesh; of fewer all is derived in no time
+SMALLEST = 2000  # vertices or hinges of a mesh; of fewer all is derived in no time
 
 
 def stored_value(name: str, packages: tuple[str, ...], make: Callable[[Mesh], T], mesh: Mesh) -> T:

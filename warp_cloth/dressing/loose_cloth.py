@@ -34,13 +34,16 @@ def loose_cloth(wearing: Wearing) -> list[Indices]:
 
 
 def met(loose: Sequence[Indices], points: Points, before: Sequence[Points], after: Sequence[Points]) -> float:
-    """How far limbs move between these curves where they come upon loose cloth of the garment at ``points`` [m]."""
+    """How far limbs move between these curves where they come upon loose cloth of the garment at ``points`` [m].
+
+    ``loose``: the vertices that each limb may meet.
+    """
     farthest = 0.0
-    for limb, triangles in enumerate(loose):
+    for limb, vertices in enumerate(loose):
         moves = np.linalg.norm(after[limb] - before[limb], axis=1)
-        if not len(triangles) or float(moves.max()) <= STEP:
+        if not len(vertices) or float(moves.max()) <= STEP:
             continue
-        cloth, middles = points[np.unique(triangles)], 0.5 * (before[limb] + after[limb])
+        cloth, middles = points[vertices], 0.5 * (before[limb] + after[limb])
         away = np.linalg.norm(cloth[nearest_points(cloth, middles)] - middles, axis=1)
         farthest = max(farthest, float(moves[away < HAND + 0.5 * moves].max(initial=0.0)))
     return farthest

@@ -196,6 +196,7 @@ class _Dressing:
         self._body = PosedBody(avatar, wearing.skeleton, chest_stays=wearing.hangs_from_waist)
         self._posed, self._moved, self.could_slide = self._body.home, list(ARMS), False
         self._loose = loose_cloth(wearing)
+        self._loose_vertices = [np.unique(triangles) for triangles in self._loose]
         self._away: list[Points] | None = None
         if worn is None:
             self._pose(garment.points, lifted)
@@ -375,7 +376,7 @@ class _Dressing:
         self._step(curves, thickness)
 
     def _met(self, curves: Sequence[Points]) -> float:
-        return met(self._loose, self._points, self._curves, curves)
+        return met(self._loose_vertices, self._points, self._curves, curves)
 
     def _step(self, curves: Sequence[Points], thickness: float) -> None:
         """Moves the body there, and the cloth with it, but for what the trunk slides along itself; [m]."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.disk_cache import Entry, disk_cache, key_of
+from warp_cloth.base.stored_value import SMALLEST, stored
 from warp_cloth.material.bending import hinge_constants
 from warp_cloth.material.constants import Sheet
 from warp_cloth.material.fabric import Fabric
@@ -14,7 +16,6 @@ from warp_cloth.material.hysteresis import rubbing_constants
 Floats = NDArray[np.float64]
 
 PACKAGES = ("material", "base")  # whose code these constants depend on
-SMALLEST = 2000  # hinges; fewer are fitted in no time
 
 
 def constants_of_hinges(sheet: Sheet, fabric: Fabric, length: Floats) -> tuple[Floats, Floats | None]:
@@ -29,13 +30,7 @@ def constants_of_hinges(sheet: Sheet, fabric: Fabric, length: Floats) -> tuple[F
         return _made(sheet, fabric, length)
     bending = fabric.bending_warp, fabric.bending_weft, fabric.bending_friction_warp, fabric.bending_friction_weft
     shape = sheet.triangles, sheet.flat, sheet.areas, sheet.directed, length
-    key, cache = key_of("hinges", PACKAGES, *bending, fabric.weight, *shape), disk_cache()
-    found = cache.read(key)
-    if found is not None:
-        return found.arrays["stiffness"], found.arrays.get("slider")
-    stiffness, slider = _made(sheet, fabric, length)
-    cache.write(key, Entry({"stiffness": stiffness, **({} if slider is None else {"slider": slider})}, {}))
-    return stiffness, slider
+    return stored("hinges", PACKAGES, partial(_made, sheet, fabric, length), *bending, fabric.weight, *shape)
 
 
 def _made(sheet: Sheet, fabric: Fabric, length: Floats) -> tuple[Floats, Floats | None]:

@@ -83,7 +83,7 @@ def load_mesh(
             stated=units,
             declared=declared,
             scale=scale,
-            texture_scale=raw.texture_scale if role == "garment" else lambda: None,
+            texture_scale=raw.texture_scale,
         )
         metres = unit.metres * scale
         refuse_far(placement.moved(used * metres), raw.file)

@@ -84,7 +84,7 @@ def choose_unit(
     ]
     if not fitting:
         _refuse_strays(points, file)
-        if scale == 1.0 and (shown := _unit_of_panels(extent, texture_scale(), role)) is not None:
+        if role == "garment" and scale == 1.0 and (shown := _unit_of_panels(extent, texture_scale(), role)) is not None:
             return shown
         low, high = PLAUSIBLE[role]
         wanted = f"{_a(role)} of {low:g} to {high:g} m"

@@ -18,7 +18,7 @@ FABRIC = Fabric(
 )
 FRICTION = 0.5  # of cloth on skin: without any, straps slide off shoulders that grow under them
 SEWING = 1500  # iterations at most
-# Of panels that are drawn together again since they crossed: with 0.9 narrow strips, as of a flared cuff, flew through
+# Of panels that are drawn together again since they crossed: with 0.9 narrow strips (of a flared cuff) flew through
 # each other and stayed twisted (4 crossings on each of three bodies), with this none.
 SLOW_MOMENTUM = 0.5
 

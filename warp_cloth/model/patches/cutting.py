@@ -12,10 +12,10 @@ from functools import partial
 
 import numpy as np
 
+from warp_cloth.base import stored_value
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Points
-from warp_cloth.base.stored_value import stored
 from warp_cloth.base.threads import map_in_threads
 from warp_cloth.garment.elements import Elements
 from warp_cloth.garment.rest import Floats
@@ -36,7 +36,6 @@ SMALLEST = 16  # vertices that a patch owns; below, far more is computed around 
 
 MOST_HALVED, FEWER, PROBED = 0.125, 8, 64  # fraction of patches; how many vertices fewer all get then; patches sampled
 PORTION = 512  # patches cut at a time: their tables fit a processor's caches
-SMALLEST_STORED = 2000  # vertices of a garment; smaller ones are cut in no time
 PACKAGES = ("model/patches", "garment", "base", "kernels/base", "kernels/patches")  # whose code patches depend on
 MOST_PATCHES = 1 << 24  # in a portion; its patches are numbered from a multiple of this
 
@@ -83,9 +82,9 @@ def garment_patches(
 
     def tables_of(shape: bytes) -> PatchTables:
         make = partial(_garment_tables, *distinct[shape], size, terms, precision, paired)
-        if len(distinct[shape][1]) < SMALLEST_STORED:
+        if len(distinct[shape][1]) < stored_value.SMALLEST:
             return make()
-        return stored("patches", PACKAGES, make, shape, *how)
+        return stored_value.stored("patches", PACKAGES, make, shape, *how)
 
     missing = [shape for shape in distinct if cache.key("patches", (), shape, *how) not in cache]
     small = [shape for shape in missing if len(distinct[shape][1]) <= PORTION * size]

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.disk_cache import Entry, disk_cache, key_of
 from warp_cloth.base.mesh import Indices, Points
+from warp_cloth.base.stored_value import SMALLEST, stored
 from warp_cloth.base.topology import ragged_rows
 from warp_cloth.garment.rest import Floats
 
 LANDMARKS = 8  # vertices from which edges are counted; more of them add little
 AXES = 3  # principal axes of these counts
-SMALLEST = 2000  # vertices of a mesh; of fewer edges are counted in no time
 PACKAGES = ("model/patches", "base")  # whose code the axes depend on
 SLIGHT = 1e-3  # weight of the loaded shape, which separates vertices that no edges connect
 
@@ -32,9 +33,7 @@ def _stored_axes(ends: Indices, count: int) -> NDArray[np.float32]:
     """``_axes``, from the user's cache on disk where the same mesh has been cut before, in any shape."""
     if count < SMALLEST:
         return _axes(ends, count)
-    key = key_of("axes", PACKAGES, ends, count)
-    entry = disk_cache().entry(key, lambda: Entry({"axes": _axes(ends, count)}, {}))
-    return np.asarray(entry.arrays["axes"], dtype=np.float32)
+    return stored("axes", PACKAGES, partial(_axes, ends, count), ends, count)
 
 
 def _axes(ends: Indices, count: int) -> NDArray[np.float32]:
