@@ -160,6 +160,24 @@ def test_a_circle_skirt_that_starts_round_the_arms_hangs_from_the_waist(tmp_path
     assert points[waist.loop, 1].mean() - points[hem.loop, 1].mean() > 0.42  # of 0.5 along the cloth
 
 
+@pytest.mark.parametrize(
+    ("raised", "above"), [(-0.1, 0.0), (0.1, 0.1), (0.18, 0.0)], ids=("low", "high", "at_the_bust")
+)
+def test_a_skirt_placed_above_the_waist_slides_from_the_waist(tmp_path: Path, raised: float, above: float) -> None:
+    """What begins at the bust hangs from there."""
+    write_circle_skirt(tmp_path / "skirt.obj", girth=0.8, waist=1.05, half=np.radians(30.0))
+    avatar = {"shape": {"kind": "mannequin"}}
+    (skirt,) = load_outfit(load_scene({"garment": {"mesh": str(tmp_path / "skirt.obj")}, "avatar": avatar})).wearing
+    assert skirt is not None
+    up = skirt.skeleton.up
+    top = max(float(skirt.start[opening.loop].mean(axis=0) @ up) for opening in skirt.openings)
+    placed = skirt.start + (float(skirt.skeleton.waist @ up) - top + raised) * up
+    placed_there = replace(skirt, start=placed, followed=placed)
+    assert placed_there.above_waist == pytest.approx(above, abs=1e-9)
+    assert not placed_there.sunk(placed - 0.07 * up)
+    assert placed_there.sunk(placed - (0.2 + above) * up)
+
+
 def test_a_shirt_that_slid_down_has_not_sunk_from_the_waist(tshirt: Outfit) -> None:
     (wearing,), (garment,) = tshirt.wearing, tshirt.garments
     assert wearing is not None

@@ -26,6 +26,7 @@ SLEEVED = tuple((arm,) for arm in ARMS)  # whom a sleeve is for
 SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most where its waist holds it
 FAR_TRUNK = 0.08  # of the body's span, from the middle of its openings: the trunk is not where its garment is
 FAR_WAIST = 0.25  # [m] above or below the waist: low trousers and high skirts begin nearer
+BUST = 0.4  # of the way from the waist to the shoulders: strapless tops begin at 0.47 and higher, high waists at 0.07
 COVERED = 0.03  # [m] of a sleeve beyond the fingertips, or of a leg beyond the toes, that is too long
 NECK = 0.08  # [m] above the shoulders: a neckline that starts higher is round the head
 LOW = 0.05  # [m] below the shoulders, where what has sleeves stays off them: nothing falls up
@@ -166,6 +167,16 @@ class Wearing:
         """How far above the shoulders it is to start [m]; 0: it is not."""
         return max(self.over_shoulders(self.onto), 0.0)
 
+    @cached_property
+    def above_waist(self) -> float:
+        """How far above the waist is to start what hangs from there [m]; 0: it is not, or it hangs from the bust."""
+        if not self.hangs_from_waist:
+            return 0.0
+        skeleton, up = self.skeleton, self.skeleton.up
+        top = max(float(self.onto[opening.loop].mean(axis=0) @ up) for opening in self.openings)
+        above, trunk = top - float(skeleton.waist @ up), float((skeleton.shoulders - skeleton.waist) @ up)
+        return above if 0.0 < above < BUST * trunk else 0.0
+
     @property
     def is_round_head(self) -> bool:
         """Whether the head, not the neck, would be within the neckline where the garment is to start."""
@@ -214,7 +225,7 @@ class Wearing:
 
     def sunk(self, points: Points) -> bool:
         """Whether a garment that hangs from the waist has slid down it, at ``points`` [m]."""
-        return self.hangs_from_waist and self.rise(points) > SUNK * self.skeleton.span
+        return self.hangs_from_waist and self.rise(points) - self.above_waist > SUNK * self.skeleton.span
 
     def misplaced(self, points: Points) -> list[Misplaced]:
         """The openings that the wrong limbs pass through, with the garment at ``points`` [m]."""

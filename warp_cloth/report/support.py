@@ -117,15 +117,16 @@ def slid_down(judged: Judged) -> FitProblem | None:
     highest = max(openings, key=lambda opening: float(start[opening.vertices].mean()))
     began, ended = (float(place[highest.vertices].mean()) for place in (start, judged.points[:, 1]))
     limit = height * (FOLDED if began - floor > NECK * height else SLID)
-    began -= 0.0 if wearing is None else wearing.too_high
+    above = 0.0 if wearing is None else max(wearing.too_high, wearing.above_waist)
+    began -= above  # it was placed higher than where it belongs: it comes down to there first
     if not began - ended > limit:
         return None
     if wearing is not None and wearing.is_trousers and not wearing.rise(judged.points) > limit:
         return None  # trousers that are too high on this body as they start: their crotch holds them
     return FitProblem(
         ProblemCode.SLID_OFF,
-        f'"{judged.name}" has slid down: its top opening came to rest {100 * (began - ended):.0f} cm lower than it '
-        f"started (limit {100 * limit:.0f} cm).",
+        f'"{judged.name}" has slid down: its top opening came to rest {100 * (began - ended):.0f} cm lower than '
+        f"{'where it belongs' if above > 0.0 else 'it started'} (limit {100 * limit:.0f} cm).",
         "It is too wide to stay up: use a smaller one, pin some of its vertices, or start it where it is to be worn.",
         judged.name,
         {"slid_mm": 1e3 * (began - ended), "limit_mm": 1e3 * limit},
