@@ -30,7 +30,7 @@ BUST = 0.4  # of the way from the waist to the shoulders: strapless tops begin a
 COVERED = 0.03  # [m] of a sleeve beyond the fingertips, or of a leg beyond the toes, that is too long
 NECK = 0.08  # [m] above the shoulders: a neckline that starts higher is round the head
 LOW = 0.05  # [m] below the shoulders, where what has sleeves stays off them: nothing falls up
-SLEEVE = 0.2  # [m] from the neckline to the opening of a sleeve, at least; to an armhole it is 0.06 to 0.12
+NECK_TO_SLEEVE = 0.2  # [m] from the neckline to the opening of a sleeve, at least; to an armhole it is 0.06 to 0.12
 FAR_SHOULDERS = 0.3  # [m] above or below the shoulders, of what starts beside them: from nearer it falls onto them
 
 
@@ -277,7 +277,7 @@ class Wearing:
         pairs = list(zip(self.openings, self.limbs, strict=True))
         necks = [opening.loop for opening, limbs in pairs if HEAD in limbs]
         arms = [opening for opening, limbs in pairs if limbs in SLEEVED]
-        far = [float(arm.distances[neck].min()) > SLEEVE for arm in arms for neck in necks]
+        far = [float(arm.distances[neck].min()) > NECK_TO_SLEEVE for arm in arms for neck in necks]
         return bool(far) and all(far)
 
     def _onto_neck(self, points: Points) -> Points:

@@ -11,7 +11,7 @@ from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import ARMS, LEGS
 from warp_cloth.base.mesh import Indices, Points
 
-SLEEVE = 0.3  # [m] from an arm's opening; cloth farther off that the arm meets is no sleeve
+BEYOND_SLEEVE = 0.3  # [m] from an arm's opening; cloth farther off that the arm meets is no sleeve
 HAND = 0.1  # [m] from a limb's curve: cloth that the limb would come upon
 # [m] that a limb may move at once, where it meets cloth. Arms that came down in twelve steps onto a wide skirt left
 # 454 and 1,970 crossing faces in it, in steps of 2 cm there 8 and 44, of 1 cm none.
@@ -29,7 +29,7 @@ def loose_cloth(wearing: Wearing) -> list[Indices]:
     far = np.full(count, np.inf)
     to_arm = [np.min([far, *(each for limbs, each in distances.items() if arm in limbs)], axis=0) for arm in ARMS]
     none = triangles[:0]
-    arms = [triangles[((near > SLEEVE) & (near > to_hem))[triangles].all(axis=1)] for near in to_arm]
+    arms = [triangles[((near > BEYOND_SLEEVE) & (near > to_hem))[triangles].all(axis=1)] for near in to_arm]
     return [none, *arms, *(none if (leg,) in wearing.limbs else triangles for leg in LEGS)]
 
 

@@ -26,7 +26,7 @@ DOWN = 0.93  # least cosine between down and a leg of who stands: 18 degrees wit
 SPACING = 0.02  # [m] between points of a curve
 SMOOTHING = 6  # times that a way over cells is smoothed
 ARMHOLE = 0.15  # [m] from the shoulder, within which the opening of an arm without a sleeve begins
-SLEEVE = 0.03  # [m] out from the shoulder, within which an armhole begins, however far out a wide one reaches
+ARMHOLE_OUT = 0.03  # [m] out from the shoulder, within which an armhole begins, however far out a wide one reaches
 TAIL = 0.1  # [m] of a way's end that tells where it points
 
 
@@ -111,7 +111,7 @@ def _is_armhole(loop: Points, arm: int, skeleton: Skeleton) -> bool:
     """Whether an arm's opening, its vertices at ``loop`` [m], has no sleeve: it begins at the shoulder."""
     joint = skeleton.curves[arm][skeleton.joints[arm]]
     is_near = float(np.linalg.norm(loop - joint, axis=1).min()) < ARMHOLE
-    return is_near and float(((loop - joint) @ outward_of(skeleton, arm)).min()) < SLEEVE
+    return is_near and float(((loop - joint) @ outward_of(skeleton, arm)).min()) < ARMHOLE_OUT
 
 
 def _raised(arm: int, skeleton: Skeleton, space: FreeSpace) -> Route | None:

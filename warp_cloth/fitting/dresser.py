@@ -1,0 +1,327 @@
+"""One garment put on a posed avatar: sewn round it, pulled or lowered onto it where need be, and carried home.
+
+While it is posed the avatar is thin within the garment; it grows on the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from warp_cloth.anatomy.linking import curve_crossings
+from warp_cloth.anatomy.openings import ARMS, LEGS
+from warp_cloth.anatomy.skeleton import TRUNK
+from warp_cloth.avatar.contact import followed
+from warp_cloth.avatar.exact import build_exact_collider
+from warp_cloth.base.clock import StageClock
+from warp_cloth.base.mesh import Points
+from warp_cloth.dressing.loose_cloth import STEP as MEETING_STEP
+from warp_cloth.dressing.loose_cloth import loose_cloth, met
+from warp_cloth.dressing.panels import parted
+from warp_cloth.dressing.posing import STATIONS, PosedBody
+from warp_cloth.dressing.routes import curves_of, limb_routes
+from warp_cloth.dressing.straps import tugged
+from warp_cloth.fitting.body_collider import BodyCollider
+from warp_cloth.fitting.film import DressedShape, Dressing
+from warp_cloth.fitting.problem import build_problem
+from warp_cloth.garment.outfit import Outfit, garments_in
+from warp_cloth.model.attempt import TORN, Attempt, Patience
+from warp_cloth.model.result import LevelRun, Status
+from warp_cloth.scene import Scene
+from warp_cloth.scene.sewing import SEWING, sewing_scene_of
+from warp_cloth.solver.certificate.strains import edge_strains
+from warp_cloth.solver.loop import BURST
+
+THIN = 0.03  # [m]; what the body has at most around its curves while it is within the garment
+THICK = 0.25  # [m]; what it has just before it is whole
+CHECK = 100  # iterations between looks at the seams, or at what falls
+UNTANGLING = 2000  # iterations at most of cloth that crosses, round a thin body
+SEWN = 0.2  # strain of the edges of seams that have closed
+STEPS = 24  # from there home
+POSED_FOR = 0.5  # fraction of the steps after which all limbs are home; then they only grow
+HANGING_STEPS = 8  # further ones, in which arms come down to the trunk and legs to each other
+LEG_STEP = 0.01  # [m] that legs move in a step at most as they sit down; steps of 2 cm leave crossing cloth
+LEAN = 0.06  # [m]; what the body has at most then: whole thighs pinch what is between them, thin legs pass through it
+SPREADING_STEPS = 10  # in which thin legs come to where trousers are pulled on
+PULL = 0.01  # [m] that these are pulled up in a burst; cloth that moves by more passes through legs
+PULLS = 60  # at most
+NEAR = 0.003  # [m] from where they are pulled to
+BELOW_CROTCH = 0.03  # [m] that they stay under the body's crotch, where growing thighs would pinch them
+TUGS = 30  # at most, with which straps are laid on the shoulders
+TAUT = 0.002  # fraction of edges stretched as no worn cloth is, at which they do not give, as of tight sleeves
+LOWERING_STEPS = 40  # in which a garment that starts above the shoulders comes down onto them
+GROWTH = 2.0  # exponent of the thickness over the steps: slow while limbs move
+GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
+HEAVY = 3000.0  # weight of cloth that falls, over that of sewn cloth: 10 kg/m2 stretches by less than 1 %
+FALLING = 3000  # iterations at most
+SLOW = 0.01  # [m] in CHECK iterations
+SHORTEST = 1.0 / 32.0  # part of a step in which limbs move, where they come upon cloth
+
+
+@dataclass(frozen=True, eq=False)
+class PosedStart:
+    """A garment sewn round the posed avatar and carried home."""
+
+    points: Points | None  # [m], shape [V, 3]; None: it diverged
+    run: LevelRun
+    shapes: Dressing = ()  # on the way, where they were to be watched
+
+
+class Dresser:
+    """Dresses a posed avatar with one garment: a step of a method moves the body, the garment follows and relaxes."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        outfit: Outfit,
+        device: str,
+        offset: float,
+        clock: StageClock,
+        *,
+        lifted: bool,
+        watching: bool,
+        worn: Points | None = None,
+    ) -> None:
+        """``worn``: where the garment lies on the body at home [m]; None: as panels, round the body posed within it."""
+        (wearing,), avatar = outfit.wearing, outfit.avatar
+        if wearing is None or avatar is None:
+            raise ValueError("the garment has no openings, or the avatar no limbs")
+        self.wearing, self._avatar, self._device = wearing, avatar, device
+        sewing = sewing_scene_of(scene, offset)
+        (garment,) = garments_in(sewing, outfit.meshes)
+        garment = replace(garment, points=parted(wearing, wearing.onto) if worn is None else worn)
+        self._body = PosedBody(avatar, wearing.skeleton, chest_stays=wearing.hangs_from_waist)
+        self._posed, self._moved, self.could_slide = self._body.home, list(ARMS), False
+        self._loose = loose_cloth(wearing)
+        self._loose_vertices = [np.unique(triangles) for triangles in self._loose]
+        self._away: list[Points] | None = None
+        if worn is None:
+            self._pose(garment.points, lifted)
+        self._curves: Sequence[Points] = self._posed
+        self._thickness = THIN
+        self._surface, self._slid = self._body.points(self._posed, THIN), self._body.slid(self._posed)
+        sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
+        attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
+        clock.lap("dress")
+        self._problem = build_problem([attempt], [sewn], device, clock=clock)
+        clock.begin("dress")
+        self._collider = BodyCollider(avatar.triangles, device, offset)
+        self._meet_body()
+        self._iterations = 0
+        self._shapes: list[DressedShape] | None = [] if watching else None  # on the way; None: nobody watches
+
+    def _pose(self, panels: Points, lifted: bool) -> None:
+        """Poses the body within these panels [m]."""
+        wearing, home = self.wearing, self._body.home
+        routes = limb_routes(wearing, panels)
+        has_armholes = any(route is not None and route.armhole is not None for route in routes)
+        # arms that are only raised in their sleeves take these and the cloth next to them along as they come down
+        self._moved = [arm for arm in ARMS if not (each := routes[arm]) or not each.is_raised]
+        limbs, trunk = curves_of(routes, wearing.skeleton, STATIONS), home[TRUNK]
+        if wearing.has_legs:  # trousers are sewn below the trunk's end
+            trunk = self._body.trunk_up_to(limbs[LEGS[0]][0])
+        self._posed = [*limbs, trunk]
+        # straps would slide off thin shoulders as hanging arms come down to the trunk
+        self.could_slide = has_armholes and self._body.away(ARMS) is not None
+        last_home = [*(ARMS if has_armholes else ()), *(LEGS if wearing.has_legs and not lifted else ())]
+        self._away = self._body.away(last_home)
+
+    @property
+    def in_the_way(self) -> bool:
+        """Whether cloth that is far from an arm's opening lies where the arm is at home."""
+        points, home = self._points, self._body.home
+        return any(curve_crossings(points, self._loose[arm], home[arm]) > 0 for arm in self._moved)
+
+    def sew(self, momentum: float | None = None) -> None:
+        """Relaxes until the seams have closed and nothing crosses.
+
+        Not longer: cloth slides down a body without shoulders. ``momentum``: of panels drawn together; None: as usual.
+        """
+        if momentum is not None and self._problem.schedule is not None:
+            self._problem.schedule.hold_back(momentum)
+        while self._iterations < SEWING:
+            self._relax(CHECK)
+            if not self.is_tangled and float(edge_strains(self._problem.model).max(initial=0.0)) < SEWN:
+                break
+
+    def untangle(self) -> None:
+        """Relaxes until nothing crosses, on a body too thin to hold what does."""
+        for _ in range(0, UNTANGLING, CHECK):
+            if not self.is_tangled:
+                break
+            self._relax(CHECK)
+
+    def lift(self) -> None:
+        """Moves the garment to where its highest opening started.
+
+        Seams that close draw a wide skirt together, and what falls is too heavy for a waist to hold.
+        """
+        self._move_up(self.wearing.rise(self._points))
+
+    def _move_up(self, rise: float) -> None:
+        self._problem.model.set_points(self._points + rise * self.wearing.skeleton.up)
+        self._meet_body()
+
+    def pull_on(self) -> None:
+        """Pulls trousers up between legs that are apart, where the body then grows."""
+        for step in range(1, SPREADING_STEPS + 1):
+            self._take(1.0 - step / SPREADING_STEPS, THIN)
+        for _ in range(PULLS):
+            rise = self.wearing.rise(self._points, BELOW_CROTCH)
+            if abs(rise) < NEAR:
+                break
+            self._move_up(float(np.clip(rise, -PULL, PULL)))
+            self._relax(BURST)
+        self.grow(STEPS, posed=0.0)
+
+    def lower(self) -> None:
+        """Lowers a garment over raised thin arms onto the shoulders; there the body grows, then the arms come down."""
+        low = self._body.at_shoulders(self._posed, self._last_pose)
+        for step in range(1, LOWERING_STEPS + 1):
+            left = LOWERING_STEPS - step
+            above = self.wearing.over_shoulders(self._points) * left / (left + 1)
+            self._follow(self._body.between(low, self._posed, left / LOWERING_STEPS), THIN)
+            down = self.wearing.over_shoulders(self._points) - above
+            self._move_up(-float(np.clip(down, 0.0, PULL)))
+            self._relax(BURST)
+        for step in range(1, GROWING_STEPS + 1):
+            self._follow(low, _thickness(step / GROWING_STEPS))
+        if self.in_the_way:
+            self.fall()
+        for left in reversed(range(steps := STEPS - GROWING_STEPS)):
+            self._follow(self._body.between(self._last_pose, low, left / steps), THICK)
+
+    def fall(self) -> None:
+        """Lets the garment hang, under a weight that makes it fall fast, until it is out of the arms' way and slow."""
+        self._set_weight(HEAVY)
+        before = self._points
+        for _ in range(0, FALLING, CHECK):
+            self._relax(CHECK)
+            if self.wearing.hangs_from_waist:
+                self.lift()
+            points = self._points
+            slow = float(((before - points) @ self.wearing.skeleton.up).max()) < SLOW
+            if slow and not self.in_the_way:
+                break
+            before = points
+        self._set_weight(1.0)
+
+    def grow(self, steps: int, *, posed: float) -> None:
+        """Lets the body grow where ``posed`` has it, in steps of a burst each."""
+        for step in range(1, steps + 1):
+            self._take(posed, _thickness(step / steps))
+
+    def carry_home(self, steps: int, *, is_grown: bool = False) -> None:
+        """Takes the body home, growing if it has not grown yet, in bursts, but for the limbs that come home last."""
+        for step in range(1, steps):
+            done = step / steps
+            if is_grown:
+                self._take(1.0 - done, THICK)
+            else:
+                self._take(max(1.0 - done / POSED_FOR, 0.0), _thickness(done))
+
+    def lay_straps(self) -> None:
+        """Tugs the straps of a garment inwards along the shoulders, while arms are still raised."""
+        for _ in range(TUGS):
+            moved = tugged(self.wearing.shoulders, self._points, self.wearing.triangles)
+            if moved is None or float((edge_strains(self._problem.model) > TORN).mean()) > TAUT:
+                break
+            self._problem.model.set_points(moved)
+            self._meet_body()
+            self._relax(BURST)
+
+    def come_home(self) -> None:
+        """Takes the limbs home that come last, and lets the body be whole."""
+        home, away = self._body.home, self._away
+        if away is not None and self._body.stands_up(away):
+            self._sit_down(away)
+        elif away is not None:
+            for step in range(HANGING_STEPS):
+                self._follow(self._body.between(home, away, 1.0 - step / HANGING_STEPS), THICK)
+        self._follow(self._body.home, np.inf)
+
+    def _sit_down(self, standing: Sequence[Points]) -> None:
+        """Lets standing legs sit down lean, since thighs and shins would pinch what is between them, and grow there."""
+        home = self._body.home
+        farthest = max(float(np.linalg.norm(home[leg] - standing[leg], axis=1).max()) for leg in LEGS)
+        steps = int(np.ceil(farthest / LEG_STEP))
+        for step in range(steps + 1):
+            self._follow(self._body.between(home, standing, 1.0 - step / steps), LEAN)
+        self.untangle()
+        for step in range(1, STEPS + 1):
+            self._follow(home, LEAN + (THICK - LEAN) * (step / STEPS) ** GROWTH)
+
+    def _take(self, posed: float, thickness: float) -> None:
+        """Moves the body between home, 0, with some limbs away from it, and its pose, 1; ``thickness`` [m]."""
+        self._follow(self._body.between(self._last_pose, self._posed, posed), thickness)
+
+    @property
+    def _last_pose(self) -> list[Points]:
+        """The body at home, but for the limbs that come home last."""
+        return self._body.home if self._away is None else self._away
+
+    def _follow(self, curves: Sequence[Points], thickness: float) -> None:
+        """Moves the body there, slowly where a limb comes upon cloth, which it would pass through; [m]."""
+        first, done, growth = self._curves, 0.0, min(thickness, THICK) - self._thickness
+        while done < 1.0:
+            step = 1.0 - done
+            while step > SHORTEST and self._met(self._body.between(curves, first, 1.0 - done - step)) > MEETING_STEP:
+                step *= 0.5
+            done += step
+            if done < 1.0:
+                self._step(self._body.between(curves, first, 1.0 - done), self._thickness + growth * done)
+        self._step(curves, thickness)
+
+    def _met(self, curves: Sequence[Points]) -> float:
+        return met(self._loose_vertices, self._points, self._curves, curves)
+
+    def _step(self, curves: Sequence[Points], thickness: float) -> None:
+        """Moves the body there, and the cloth with it, but for what the trunk slides along itself; [m]."""
+        self._curves, self._thickness = curves, min(thickness, THICK)
+        exact = build_exact_collider(replace(self._avatar, points=self._surface), self._device)
+        self._surface, slid = self._body.points(curves, thickness), self._body.slid(curves)
+        self._problem.model.set_points(followed(exact, self._surface - (slid - self._slid), self._points))
+        self._slid = slid
+        self._meet_body()
+        self._relax(BURST)
+
+    def ended(self) -> PosedStart:
+        points = self._points
+        is_finite = bool(np.isfinite(points).all())
+        run = LevelRun(len(points), self._iterations, Status.ITERATION_LIMIT if is_finite else Status.DIVERGED)
+        return PosedStart(points if is_finite else None, run, tuple(self._shapes or ()))
+
+    @property
+    def _points(self) -> Points:
+        return self._problem.model.points()
+
+    @property
+    def is_tangled(self) -> bool:
+        """Whether cloth still crosses cloth."""
+        return self._problem.schedule is not None and self._problem.schedule.calm
+
+    def _meet_body(self) -> None:
+        self._problem.relaxation.set_collider(0, self._collider.of(self._surface, self._points))
+
+    def _set_weight(self, factor: float) -> None:
+        relaxation = self._problem.relaxation
+        relaxation.step.gravity = type(relaxation.step.gravity)(0.0, -factor, 0.0)
+        relaxation.drop_graphs()
+
+    def _relax(self, count: int) -> None:
+        problem = self._problem
+        problem.relaxation.run(count)
+        problem.relaxation.update_model()
+        self._iterations += count
+        if problem.schedule is not None:
+            problem.schedule.advance(self._iterations)
+        if self._shapes is not None:
+            shape = DressedShape(self._surface.astype(np.float32), self._points.astype(np.float32))
+            self._shapes.append(shape)
+
+
+def _thickness(done: float) -> float:
+    """What a growing body has at most around its curves after this fraction of its steps [m]."""
+    return THIN + (THICK - THIN) * done**GROWTH
