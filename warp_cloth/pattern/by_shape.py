@@ -15,7 +15,7 @@ import numpy as np
 
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.facings import is_facing
-from warp_cloth.pattern.kinds import BOTH, Named
+from warp_cloth.pattern.kinds import Named
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.roles import (
     Roles,
@@ -109,7 +109,7 @@ def _with_facings(pieces: Sequence[Piece]) -> list[Piece]:
         if piece.what.kind:
             faced = [other for other in faced if other.what.kind == piece.what.kind]
         is_one = not piece.what.panel and any(is_facing(piece.edges, other.edges) for other in faced)
-        out.append(replace(piece, what=Named("none", BOTH, sure=SURE)) if is_one else piece)
+        out.append(replace(piece, what=Named("none", sure=SURE, is_facing=True)) if is_one else piece)
     return out
 
 
@@ -249,7 +249,7 @@ class _Kinds:
     def _tell(self, index: int, kind: str, sure: float) -> None:
         for each in (index, self._second.get(index)):
             if each is not None:
-                self._found[each] = Named(kind, BOTH, sure=sure)
+                self._found[each] = Named(kind, sure=sure, is_facing=kind == "none")
 
 
 def is_leg_and_no_bodice(piece: Piece) -> bool:

@@ -126,7 +126,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
             notes.append(f"{place} is half a {kind}, cut once, with no fold line: mirrored at its straight centre")
         if part.kind == "none":
             why = "by its name or material it is no part of the outer cloth"
-            why = "as stated" if said.place == "none" else "it faces another piece" if part.sure <= BY_SHAPE else why
+            why = "as stated" if said.place == "none" else "it faces another piece" if piece.what.is_facing else why
             notes.append(f"{place} is left out: {why}")
             continue
         if part.kind == "gore":

@@ -110,6 +110,7 @@ class Named:
     side: int = BOTH
     panel: str = ""  # SIDE_PANEL of a front or back, UNDER_SLEEVE of a sleeve
     sure: float = 0.97  # of the kind
+    is_facing: bool = False  # by its shape it faces another piece, and is left out
 
 
 def plain(text: str) -> str:

@@ -73,14 +73,14 @@ def half_skirt_roles(shape: Shape) -> Roles:
     Its middle runs straight down from the waist, its side does not: it is bowed over the hip, or slants.
     """
     (hem_first, hem_end), (waist_first, waist_end) = ends_of(shape)
-    paths = {"+": shape.run(hem_end, waist_first), "-": shape.run(waist_end, hem_first)[::-1]}  # upwards
-    if not all(paths.values()):
+    runs = {"+": shape.run(hem_end, waist_first), "-": shape.run(waist_end, hem_first)}
+    if not all(runs.values()):
         return {}
-    plumb = [mark for mark, path in paths.items() if _is_plumb(shape, path[-1])]
+    uppermost = {"+": runs["+"][-1], "-": runs["-"][0]}
+    plumb = [mark for mark, edge in uppermost.items() if _is_plumb(shape, edge)]
     if len(plumb) != 1:
         return {}
     side = "-" if plumb[0] == "+" else "+"
-    runs = {mark: path if mark == "+" else path[::-1] for mark, path in paths.items()}
     ends = {"hem": shape.run(hem_first, hem_end), "waist": shape.run(waist_first, waist_end)}
     return ends | {"centre": runs[plumb[0]], f"side{side}": runs[side]}
 
