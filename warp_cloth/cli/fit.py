@@ -20,7 +20,18 @@ from warp_cloth.base.collector import collector_paused
 from warp_cloth.base.device import begin_waking
 from warp_cloth.base.first_run import FIRST_RUN, is_first_run
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.cli.options import Changes, Device, FabricName, Maps, On
+from warp_cloth.cli.options import (
+    Changes,
+    Colour,
+    Device,
+    EarlierResult,
+    FabricName,
+    Formats,
+    Frames,
+    LetDown,
+    Maps,
+    On,
+)
 from warp_cloth.cli.terminal import NOT_WORN, made, one_line_errors, output_folder
 
 if TYPE_CHECKING:
@@ -45,20 +56,12 @@ def fit(
         Path, typer.Option(help="Output folder, for NAME.usdc, report.html, report.json and preview.png.")
     ] = Path("out"),
     changes: Changes = None,
-    frames: Annotated[int, typer.Option(help="Intermediate shapes to store as time samples of the stage.")] = 0,
+    frames: Frames = 0,
     maps: Maps = "",
-    colour: Annotated[str, typer.Option(help="The map that colours the garments in the stage.")] = "",
-    formats: Annotated[
-        str, typer.Option("--format", help="File formats, separated by commas: usdc, usda, usdz, glb, obj, pc2.")
-    ] = "usdc",
-    start: Annotated[
-        Path | None,
-        typer.Option("--from", metavar="RESULT", help="Start from an earlier result: its .usdc, .obj or .glb file."),
-    ] = None,
-    band: Annotated[
-        bool,
-        typer.Option("--band", help="Also let garments with friction down from the hang: the other end of their band."),
-    ] = False,
+    colour: Colour = "",
+    formats: Formats = "usdc",
+    start: EarlierResult = None,
+    band: LetDown = False,
     verbose: Annotated[bool, typer.Option("--verbose", help="Show log messages, Warp's included.")] = False,
 ) -> None:
     """Fit the garments of a scene; write the draped shapes, a report and a picture.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -36,6 +37,19 @@ Changes = Annotated[
 ]
 Maps = Annotated[
     str, typer.Option(help="Fit maps, separated by commas: strain, pressure, gap, a single one (strain_warp), or all.")
+]
+Frames = Annotated[int, typer.Option(help="Intermediate shapes to store as time samples of the stage.")]
+Colour = Annotated[str, typer.Option(help="The map that colours the garments in the stage.")]
+Formats = Annotated[
+    str, typer.Option("--format", help="File formats, separated by commas: usdc, usda, usdz, glb, obj, pc2.")
+]
+EarlierResult = Annotated[
+    Path | None,
+    typer.Option("--from", metavar="RESULT", help="Start from an earlier result: its .usdc, .obj or .glb file."),
+]
+LetDown = Annotated[
+    bool,
+    typer.Option("--band", help="Also let garments with friction down from the hang: the other end of their band."),
 ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,15 @@ class MadeFabric:
         return 3.0 * self.estimate.length_error, 3.0 * float(one)
 
 
+@dataclass(frozen=True)
+class _Simulation:
+    """How drapes are simulated."""
+
+    device: str
+    rest_error: float  # [ln of the bending length]
+    progress: Callable[[str], None]
+
+
 def fabric_of_readings(
     readings: Sequence[DrapeReading],
     base: Fabric,
@@ -65,7 +74,7 @@ def fabric_of_readings(
     Raises:
         InputError: no cloth drapes so.
     """
-    drapes, outlines = drapes_of_ratio(setting.ratio), [reading.outline for reading in readings]
+    outlines = [reading.outline for reading in readings]
     measured = Measured(
         np.array([reading.coefficient for reading in readings]),
         np.array([reading.error for reading in readings]),
@@ -73,13 +82,8 @@ def fabric_of_readings(
         starts_of(outlines, setting.ratio),
         str(readings[0].photograph.path),
     )
-    found, simulated = measured.estimate(drapes, UNKNOWN_CLASS), dict[int, SimulatedDrape]()
-    if refine:
-        found, simulated = refined(
-            found, measured, drapes, base, setting, device=device, rest_error=rest_error, progress=progress
-        )
-    notes = _doubts(drapes, measured.coefficients, simulated, outlines)
-    return _made(measured, found, drapes, base, setting, simulated, notes)
+    simulation = _Simulation(device, rest_error, progress) if refine else None
+    return _made(measured, base, setting, simulation, outlines)
 
 
 def fabric_of_numbers(
@@ -97,50 +101,43 @@ def fabric_of_numbers(
     Raises:
         InputError: no cloth drapes so.
     """
-    drapes = drapes_of_ratio(setting.ratio)
     turn = 2.0 * np.pi * np.arange(ANGLES) / ANGLES
     starts = [random_start(seed) for seed in range(2)]
     if folds is not None:
         starts = [STARTING_WAVE * np.cos(folds * turn + phase) for phase in (0.0, 0.5)]
     measured = Measured(np.array([coefficient]), np.array([0.0]), None, dict(enumerate(starts)), "--drape-coefficient")
-    found, simulated = refined(
-        measured.estimate(drapes, UNKNOWN_CLASS),
-        measured,
-        drapes,
-        base,
-        setting,
-        device=device,
-        rest_error=rest_error,
-        progress=progress,
-    )
-    notes = _doubts(drapes, measured.coefficients, {}, [])
-    shown = float(np.mean([drape.outline.folds for drape in simulated.values()]))
-    if folds is not None and abs(shown - folds) > FOLDS_APART:
-        told = f"{folds} folds were counted, {shown:.0f} were simulated: check the sizes of disc and support"
-        notes = (*notes, told)
-    return _made(measured, found, drapes, base, setting, simulated, notes)
+    made = _made(measured, base, setting, _Simulation(device, rest_error, progress))
+    shown = float(np.mean([drape.outline.folds for drape in made.simulated.values()]))
+    if folds is None or abs(shown - folds) <= FOLDS_APART:
+        return made
+    told = f"{folds} folds were counted, {shown:.0f} were simulated: check the sizes of disc and support"
+    return replace(made, notes=(*made.notes, told))
 
 
 def _made(
     measured: Measured,
-    found: BendingEstimate,
-    drapes: Drapes,
     base: Fabric,
     setting: Setting,
-    simulated: Mapping[int, SimulatedDrape],
-    notes: tuple[str, ...],
+    simulation: _Simulation | None,
+    outlines: Sequence[Outline] = (),
 ) -> MadeFabric:
+    """``simulation`` None: by the table alone; ``outlines`` of the photographs, to compare with."""
+    drapes = drapes_of_ratio(setting.ratio)
+    found, simulated = measured.estimate(drapes, UNKNOWN_CLASS), dict[int, SimulatedDrape]()
+    if simulation is not None:
+        found, simulated = refined(found, measured, drapes, base, setting, **vars(simulation))
     fabric, coefficient = fabric_of(base, found, setting), float(measured.coefficients.mean())
     error, again = float(np.sqrt(np.mean(measured.errors**2))), spread_again(coefficient)
     again_error = 3.0 * again / len(measured.coefficients) ** 0.5 / drapes.slope(found.length)
+    notes = _doubts(drapes, measured.coefficients, simulated, outlines)
     return MadeFabric(fabric, found, coefficient, error, again, again_error, simulated, notes)
 
 
 def rigidities(fabric: Fabric, found: BendingEstimate, support: float) -> tuple[float, float]:
     """Bending rigidities B along warp and weft [gf cm2/cm]."""
-    length, uneven = support * float(np.exp(found.length)), float(np.exp(0.5 * found.anisotropy))
+    warp, weft = found.bending_lengths(support)
     unit = fabric.weight * GRAVITY / KES_BENDING
-    return unit * (length * uneven) ** 3, unit * (length / uneven) ** 3
+    return unit * warp**3, unit * weft**3
 
 
 def _doubts(

@@ -96,9 +96,7 @@ def refined(
 
 def fabric_of(base: Fabric, found: BendingEstimate, setting: Setting) -> Fabric:
     """The base with the bending lengths found."""
-    length = setting.support * float(np.exp(found.length))
-    uneven = float(np.exp(0.5 * found.anisotropy))
-    return with_bending_lengths(base, length * uneven, length / uneven)
+    return with_bending_lengths(base, *found.bending_lengths(setting.support))
 
 
 def _told(rounds: Sequence[_Round], measured: Measured, drapes: Drapes, rest_error: float) -> BendingEstimate:

@@ -87,6 +87,11 @@ class BendingEstimate:
     anisotropy: float
     anisotropy_error: float
 
+    def bending_lengths(self, support: float) -> tuple[float, float]:
+        """Along warp and weft, for a support of this radius [m]."""
+        length, uneven = support * float(np.exp(self.length)), float(np.exp(0.5 * self.anisotropy))
+        return length * uneven, length / uneven
+
 
 def drapes_of_ratio(ratio: float) -> Drapes:
     """The table between its ratios of disc to support.

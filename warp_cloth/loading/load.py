@@ -91,13 +91,6 @@ def load_mesh(
     except (MemoryError, OverflowError) as error:
         problem = f"is too large to load ({type(error).__name__})"
         raise InputError(path, problem, "check the file, or reduce the mesh") from error
-    notes = [*raw.notes, *unit.notes, *sound.notes]
-    if role == "avatar" and up is None and raw.axis_unknown and lies(sound.points, sound.triangles):
-        notes.append(
-            'lies along z: set avatar.up = "z" if it should stand (a fit stands a person up by itself), else "y"'
-        )
-    if raw.texcoords is not None and sound.texcoords is None:
-        notes.append("texture coordinates ignored: some corners have none, or implausible ones")
     same_vertices = np.array_equal(sound.vertex_map, np.arange(len(sound.points)))
     same_faces = np.array_equal(sound.faces, np.arange(len(raw.counts)))
     return Mesh(
@@ -107,13 +100,24 @@ def load_mesh(
         texcoords=sound.texcoords,
         panels=None if raw.panels is None else raw.panels[sound.faces].astype(np.int32),
         panel_names=raw.panel_names,
-        notes=tuple(notes),
+        notes=(*raw.notes, *unit.notes, *sound.notes, *_doubts(raw, sound, role, up)),
         unit=unit.name,
         vertex_map=None if same_vertices else sound.vertex_map,
         triangle_source=None if same_faces else sound.faces,
         rest_corners=None if sound.rest is None else _rest_in_metres(sound.rest, metres),
         folds=None if raw.folds is None else _folds_of(raw.folds, sound, len(raw.counts)),
     )
+
+
+def _doubts(raw: RawMesh, sound: Repaired, role: Role, up: UpAxis | None) -> list[str]:
+    notes = []
+    if role == "avatar" and up is None and raw.axis_unknown and lies(sound.points, sound.triangles):
+        notes.append(
+            'lies along z: set avatar.up = "z" if it should stand (a fit stands a person up by itself), else "y"'
+        )
+    if raw.texcoords is not None and sound.texcoords is None:
+        notes.append("texture coordinates ignored: some corners have none, or implausible ones")
+    return notes
 
 
 def lies(points: Floats, triangles: Ints) -> bool:
