@@ -118,15 +118,16 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
         InputError: a file, a rest shape or a pin cannot be used.
     """
     cache = mesh_cache or MeshCache()
-    meshes = [cache.make(recipe) for recipe in mesh_recipes(scene)]
-    worn, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
+    keys = _all_keys(scene)
+    worn = tuple(_mesh_of(scene, index, each, cache) for index, each in enumerate(keys))
+    avatar = next((cache.make(recipe) for recipe in avatar_recipe(scene)), None)
     keyed = list(zip(scene.garment_keys, worn, strict=True))
     find_skeleton = partial(_skeleton, scene, avatar, cache)
     try:
         check_sizes(keyed, avatar)
     except InputError:
-        garments = _garments(scene, worn, cache)
-        wearing = _wearing(scene, garments, avatar, cache)
+        garments = _garments(scene, worn, keys, cache)
+        wearing = _wearing(scene, garments, keys, avatar, cache)
         outfit = _read_as(*read_again(scene, cloths_of(worn, garments, wearing)), cache)
         outfit = outfit or _read_as(*read_body_again(scene, keyed, avatar), cache)
         outfit = outfit or _read_as(*stand_up(scene, keyed, avatar, find_skeleton), cache)
@@ -137,15 +138,17 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     if standing is not None:
         return standing
     refuse_bodies(keyed, avatar)
-    garments, predrape_scene = _garments(scene, worn, cache), predrape_scene_of(scene)
+    garments, predrape_scene = _garments(scene, worn, keys, cache), predrape_scene_of(scene)
     poses: tuple[Points, ...] = ()
     if avatar is not None and scene.avatar is not None and scene.avatar.poses:
         files = () if scene.avatar.poses == "samples" else scene.avatar.poses
         key = "posed", *avatar_recipe(scene)[0].key, values_of(scene.avatar, {"poses"}), file_stamp(*files)
         avatar, poses = cache.get(key, partial(posed_avatar, scene.avatar, avatar))
-    predraped = () if predrape_scene is None else _garments(predrape_scene, worn, cache)
+    predraped: tuple[Garment, ...] = ()
+    if predrape_scene is not None:
+        predraped = _garments(predrape_scene, worn, _all_keys(predrape_scene), cache)
     still = avatar if not poses and scene.collision.avatar != "none" else None
-    wearing = _wearing(scene, garments, still, cache)
+    wearing = _wearing(scene, garments, keys, still, cache)
     cloths = cloths_of(worn, garments, wearing)
     otherwise = _read_as(*read_again(scene, cloths), cache)
     return otherwise or Outfit(with_doubts(scene, cloths), garments, avatar, poses, predraped, wearing)
@@ -186,7 +189,7 @@ def _worn_by(garment: Garment, skeleton: Skeleton) -> Wearing | None:
 
 
 def _wearing(
-    scene: Scene, garments: Sequence[Garment], avatar: Mesh | None, mesh_cache: MeshCache
+    scene: Scene, garments: Sequence[Garment], keys: Sequence[GarmentKeys], avatar: Mesh | None, mesh_cache: MeshCache
 ) -> tuple[Wearing | None, ...]:
     """The openings of each garment on a body that does not move, from the cache where they are known in any fabric."""
     if avatar is None:
@@ -194,10 +197,9 @@ def _wearing(
     body, skeleton = avatar_recipe(scene)[0].key[1:], _skeleton(scene, avatar, mesh_cache)
     if skeleton is None:
         return (None,) * len(garments)
-    keys = (garment_keys(scene, index).geometry for index in range(len(garments)))
     return tuple(
-        mesh_cache.get(("wearing", *body, *key[1:]), partial(_worn_by, garment, skeleton))
-        for key, garment in zip(keys, garments, strict=True)
+        mesh_cache.get(("wearing", *body, *each.geometry[1:]), partial(_worn_by, garment, skeleton))
+        for each, garment in zip(keys, garments, strict=True)
     )
 
 
@@ -208,25 +210,32 @@ def _skeleton(scene: Scene, avatar: Mesh | None, mesh_cache: MeshCache) -> Skele
     return mesh_cache.get(("skeleton", *avatar_recipe(scene)[0].key[1:]), make)
 
 
-def _garments(scene: Scene, meshes: Sequence[Mesh], mesh_cache: MeshCache) -> tuple[Garment, ...]:
+def _garments(
+    scene: Scene, meshes: Sequence[Mesh], keys: Sequence[GarmentKeys], mesh_cache: MeshCache
+) -> tuple[Garment, ...]:
     """A scene's garments, from the cache where they are known."""
     garments = []
-    for index, mesh in enumerate(meshes):
-        keys = garment_keys(scene, index)
-        rest, pins = _rest_of(scene, index, keys, mesh_cache)
+    for index, (mesh, each) in enumerate(zip(meshes, keys, strict=True)):
+        rest, pins = _rest_of(scene, index, each, mesh_cache)
         make = partial(Garment, mesh.points, mesh.triangles, rest, pins)
-        garments.append(mesh_cache.get(("garment", *keys.rest), make))
+        garments.append(mesh_cache.get(("garment", *each.rest), make))
     return tuple(garments)
 
 
 def mesh_recipes(scene: Scene) -> list[Recipe]:
     """Recipes of the meshes of a scene's garments, inner to outer, then of its avatar, if it has one."""
-    body = _body(scene)
-    recipes = [
-        Recipe(garment_keys(scene, index).mesh, partial(garment_mesh, spec, key, body, _laid_round(scene, spec)))
-        for index, (spec, key) in enumerate(zip(scene.garments, scene.garment_keys, strict=True))
-    ]
-    return [*recipes, *avatar_recipe(scene)]
+    garments = [_mesh_recipe(scene, index, keys) for index, keys in enumerate(_all_keys(scene))]
+    return [*garments, *avatar_recipe(scene)]
+
+
+def _mesh_recipe(scene: Scene, index: int, keys: GarmentKeys) -> Recipe:
+    spec, key = scene.garments[index], scene.garment_keys[index]
+    return Recipe(keys.mesh, partial(garment_mesh, spec, key, _body(scene), _laid_round(scene, spec)))
+
+
+def _mesh_of(scene: Scene, index: int, keys: GarmentKeys, mesh_cache: MeshCache) -> Mesh:
+    mesh: Mesh = mesh_cache.make(_mesh_recipe(scene, index, keys))
+    return mesh
 
 
 def avatar_recipe(scene: Scene) -> list[Recipe]:
@@ -241,6 +250,10 @@ def avatar_recipe(scene: Scene) -> list[Recipe]:
 def _laid_round(scene: Scene, spec: GarmentSpec) -> AvatarSpec | None:
     """The avatar whose shape decides where a garment's panels start; None: it does not."""
     return scene.avatar if spec.is_drafted else None
+
+
+def _all_keys(scene: Scene) -> list[GarmentKeys]:
+    return [garment_keys(scene, index) for index in range(len(scene.garments))]
 
 
 def garment_keys(scene: Scene, index: int) -> GarmentKeys:
@@ -282,9 +295,7 @@ def _rest_of(scene: Scene, index: int, keys: GarmentKeys, mesh_cache: MeshCache)
 
 
 def _geometry_of(scene: Scene, index: int, keys: GarmentKeys, mesh_cache: MeshCache) -> tuple[Mesh, RestGeometry]:
-    spec, key = scene.garments[index], scene.garment_keys[index]
-    make = partial(garment_mesh, spec, key, _body(scene), _laid_round(scene, spec), mesh_cache.drafts)
-    mesh = mesh_cache.get(keys.mesh, make)
+    mesh, spec, key = _mesh_of(scene, index, keys, mesh_cache), scene.garments[index], scene.garment_keys[index]
     return mesh, mesh_cache.get(keys.geometry, partial(rest_geometry, mesh, spec, key))
 
 
