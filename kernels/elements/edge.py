@@ -132,7 +132,7 @@ def edge_functions(precision: str, accumulate: Accumulate, terms: Terms, lanes: 
             laid = rotated_back(laid, span.side, vec2(slider[SliderField.COSINE], slider[SliderField.SINE]))
             friction, stiffer = friction_torque(
                 normal_0, component(first, 3), laid, component(second, 3), span.side, span.length,
-                hinge_stiffness, slider[SliderField.MOMENT], slider[SliderField.STEEPNESS],
+                hinge_stiffness, slider,
             )  # fmt: skip
             torque += friction
             bound += stiffer

@@ -124,7 +124,7 @@ def corner_function(precision: str, accumulate: Accumulate, terms: Terms, lanes:
     yarn_loads, exact_excess = yarn_function(precision, accumulate, terms, lanes), _excess_function(precision)
 
     @wp.func
-    def corner_loads(
+    def corner_loads(  # nine arguments: packets of the sides' folds are loaded one by one
         normal: vec4,
         fold_0: vec3,
         fold_1: vec3,
@@ -143,9 +143,7 @@ def corner_function(precision: str, accumulate: Accumulate, terms: Terms, lanes:
             excess = vec4()
             if wp.static(takes_exact_stretch(precision, accumulate)):
                 excess = exact_excess(sides, slope)
-            force_0, force_1, force_2, more = yarn_loads(
-                sides.side_1, sides.side_2, excess, sides.change_1, sides.change_2, slope, yarns, slider, step
-            )
+            force_0, force_1, force_2, more = yarn_loads(sides, excess, slope, yarns, slider, step)
             first = with_fourth(force_0, component(more, 0))
             second = with_fourth(force_1, component(more, 1))
             third = with_fourth(force_2, component(more, 2))
@@ -265,34 +263,25 @@ def corner_forces(slope: Any, on_weft: Any, on_warp: Any):
 def yarn_function(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Function:
     """The function ``yarn_loads`` of a woven triangle, with friction or not; or of a packet of them, without."""
     real, Step = cloth_types(precision).real, cloth_types(precision).Step
-    vec3, vec4 = lane_types(real, lanes).vec3, lane_types(real, lanes).vec4
+    vec3, vec4, Sides = lane_types(real, lanes).vec3, lane_types(real, lanes).vec4, sides_type(precision, lanes)
     corner_amounts = _yarn_amounts_function(precision, accumulate, lanes)
 
     @wp.func
-    def yarn_loads(
-        side_1: vec3,
-        side_2: vec3,
-        excess: vec4,
-        change_1: vec3,
-        change_2: vec3,
-        slope: vec4,
-        yarns: vec4,
-        slider: vec3,
-        step: Step,
-    ):
+    def yarn_loads(sides: Sides, excess: vec4, slope: vec4, yarns: vec4, slider: vec3, step: Step):
         """Forces of the four yarns on the corners, and the corners' bounds or magnitudes.
 
         ``excess`` is |t|^2 - 1 of the yarns where that is taken exactly, from which |t| - 1 = excess / (|t| + 1).
         ``slider`` is as of Weave.shear_hysteresis, read where there is friction.
         """
-        weft, warp = weft_vector(slope, side_1, side_2), warp_vector(slope, side_1, side_2)
+        weft = weft_vector(slope, sides.side_1, sides.side_2)
+        warp = warp_vector(slope, sides.side_1, sides.side_2)
         weft_change = vec3()
         warp_change = vec3()
         square = yarn_squares(weft, warp)
         change = vec4()
         if wp.static(accumulate.is_bound):
-            weft_change = weft_vector(slope, change_1, change_2)
-            warp_change = warp_vector(slope, change_1, change_2)
+            weft_change = weft_vector(slope, sides.change_1, sides.change_2)
+            warp_change = warp_vector(slope, sides.change_1, sides.change_2)
             change = yarn_squares(weft_change, warp_change)
         pull, push = yarn_stiffness(yarns)
         length, one = root(square), vec4(real(1.0))

@@ -113,7 +113,7 @@ def prepare_step_kernel(
     avatar_constraint = avatar_constraint_function(precision, avatar_contact, collider_type)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def prepare_step(
+    def prepare_step(  # nine arguments: what a fit has (model, state, step, colliders), and what the system does
         model: Model,
         state: State,
         step: Step,

@@ -14,9 +14,10 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.base.options import SliderField
 from warp_cloth.kernels.laws.bending import THINNEST
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
-from warp_cloth.kernels.math.packet import cross, maximum, minimum, negative, where_greater
+from warp_cloth.kernels.math.packet import component, cross, maximum, minimum, negative, where_greater
 from warp_cloth.kernels.math.real import inner, root, scaled_sum, single
 
 _THINNEST = wp.constant(single(THINNEST))
@@ -42,18 +43,17 @@ def friction_torque(
     axis: Any,
     length: Any,
     stiffness: Any,
-    moment: Any,
-    steepness: Any,
+    slider: Any,
 ):
     """Torque of friction in a hinge [N m], and a bound of its stiffness [N/m].
 
     The sign of ``stiffness`` and all arguments before it are those of ``bending.hinge_torque``; where a triangle
-    collapses the torque fades likewise.
+    collapses the torque fades likewise. ``slider`` as Edges.hysteresis.
     """
     zero, one = type(stiffness)(0.0), type(stiffness)(1.0)
     difference = scaled_sum(normal_1, where_greater(zero, stiffness, one, -one), normal_0)  # n0 - n1
     fold = root(inner(difference, difference))
-    stiff = slider_stiffness(fold, moment, steepness)
+    stiff = slider_stiffness(fold, component(slider, SliderField.MOMENT), component(slider, SliderField.STEEPNESS))
     most = one / (type(length)(_THINNEST) * (length * length))
     bounded_0, bounded_1 = minimum(inverse_0, most), minimum(inverse_1, most)
     least = type(fold)(SMALLEST)

@@ -73,37 +73,27 @@ def yarns_as_they_lie(side_1: Any, side_2: Any, change_1: Any, change_2: Any, sl
 
 
 @wp.func
-def yarn_bounds(
-    side_1: Any, side_2: Any, change_1: Any, change_2: Any, slope: Any, yarns: Any, allowance: Any, horizon: Any
-):
+def yarn_bounds(side_1: Any, side_2: Any, change_1: Any, change_2: Any, slope: Any, yarns: Any, step: Any):
     """What weft and warp have become, bounds of the four yarns [J], what acts across, inverses of lengths."""
     weft, warp, square, change, tension, bound = yarns_as_they_lie(
-        side_1, side_2, change_1, change_2, slope, yarns, allowance
+        side_1, side_2, change_1, change_2, slope, yarns, step.allowance
     )
-    fraction, inverse_length = yarn_transverse_fractions(square, change, tension, bound, horizon)
+    fraction, inverse_length = yarn_transverse_fractions(square, change, tension, bound, step.horizon)
     return weft, warp, bound, fraction, inverse_length
 
 
 @wp.func
 def rubbing_yarn_bounds(
-    side_1: Any,
-    side_2: Any,
-    change_1: Any,
-    change_2: Any,
-    slope: Any,
-    yarns: Any,
-    slider: Any,
-    allowance: Any,
-    horizon: Any,
+    side_1: Any, side_2: Any, change_1: Any, change_2: Any, slope: Any, yarns: Any, slider: Any, step: Any
 ):
     """``yarn_bounds`` of yarns that have friction; ``slider`` as Triangles.shear_hysteresis."""
     weft, warp, square, change, tension, bound = yarns_as_they_lie(
-        side_1, side_2, change_1, change_2, slope, yarns, allowance
+        side_1, side_2, change_1, change_2, slope, yarns, step.allowance
     )
     friction, stiffer = shear_friction_tension(weft, warp, square, slider)
     tension += friction
     bound += stiffer
-    fraction, inverse_length = yarn_transverse_fractions(square, change, tension, bound, horizon)
+    fraction, inverse_length = yarn_transverse_fractions(square, change, tension, bound, step.horizon)
     return weft, warp, bound, fraction, inverse_length
 
 
@@ -253,13 +243,12 @@ def _bound_functions(precision: str, terms: Terms, packed: bool, in_order: bool)
         if wp.static(terms.shear_hysteresis):
             weft, warp, bounds, fraction, inverse_length = rubbing_yarn_bounds(
                 sides.side_1, sides.side_2, sides.change_1, sides.change_2, slope, yarns,
-                element(triangles.shear_hysteresis, triangle), step.allowance, step.horizon,
+                element(triangles.shear_hysteresis, triangle), step,
             )  # fmt: skip
         else:
             weft, warp, bounds, fraction, inverse_length = yarn_bounds(
-                sides.side_1, sides.side_2, sides.change_1, sides.change_2,
-                slope, yarns, step.allowance, step.horizon,
-            )  # fmt: skip
+                sides.side_1, sides.side_2, sides.change_1, sides.change_2, slope, yarns, step
+            )
         return yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, corner)
 
     return SimpleNamespace(edge_matrix=edge_matrix, folds_size=folds_size, yarns_bound=yarns_bound)

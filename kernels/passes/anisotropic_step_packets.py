@@ -107,7 +107,7 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
         change_2 = load_sides(like, state.displacement, triangles.corners, start, 0, 2)
         slope, yarns = load_packet(triangles.slope, start), load_packet(triangles.yarns, start)
         weft, warp, bounds, fraction, inverse_length = yarn_bounds(
-            side_1, side_2, change_1, change_2, slope, yarns, step.allowance, step.horizon
+            side_1, side_2, change_1, change_2, slope, yarns, step
         )
         first, size_0 = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, 0)
         second, size_1 = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, 1)

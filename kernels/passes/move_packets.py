@@ -217,7 +217,7 @@ def displace_lanes_function(options: KernelOptions) -> wp.Function:
     meets_cloth = packet_contact_functions(options.precision)
 
     @wp.func
-    def displace_lanes(
+    def displace_lanes(  # eleven arguments: the kernel's own, and which of eight vertices of which item
         model: Model,
         state: State,
         step: Step,

@@ -133,7 +133,7 @@ def cast_shadows(
 
 
 @wp.kernel
-def light_pixels(
+def light_pixels(  # ten arguments: a picture's layers, each an array
     depth: wp.array2d(dtype=wp.float32),  # from draw_depth [m], shape [rows, columns]
     normal: wp.array2d(dtype=wp.vec3f),  # from sample_surface, shape [rows, columns]
     reflectance: wp.array2d(dtype=wp.vec3f),  # linear, shape [rows, columns]
