@@ -98,21 +98,26 @@ def test_an_item_is_what_a_fit_of_its_own_gives(tmp_path: Path) -> None:
             assert np.array_equal(triangles, fit.garments[0].mesh.triangles)
 
 
-def test_results_have_the_ease_of_a_fit_of_its_own_unless_it_is_not_wanted(tmp_path: Path) -> None:
+def test_results_have_the_ease_and_girths_of_a_fit_of_its_own_unless_not_wanted(tmp_path: Path) -> None:
     changes = ("garment.shape.edge_mm=60", "collision.pixel_mm=10", "solver.iterations=60")
     items = [Item("shirt", "tshirt", changes), *tiny_items(1)]
     drive(tmp_path / "with", items, 2)
     rows = results(tmp_path / "with")
-    ease = warp_cloth.fit("tshirt", overrides=changes, device="cpu").ease["tshirt"]
+    fit = warp_cloth.fit("tshirt", overrides=changes, device="cpu")
+    ease = fit.ease["tshirt"]
     assert [rows["shirt"][f"ease_{level}_cm"] for level in ("chest", "waist", "hip")] == [
         None if ease.get(level) is None else 100 * ease[level] for level in ("chest", "waist", "hip")
     ]
     assert rows["shirt"]["ease_chest_cm"] is not None
+    closed = {row["level"]: row["garment_girth"] for row in fit.report["girths_mm"] if row["closed"]}
+    assert [rows["shirt"][f"girth_{level}_cm"] for level in closed] == pytest.approx([0.1 * g for g in closed.values()])
     assert rows[items[1].name]["ease_chest_cm"] is None  # no body
     store = Store(tmp_path / "without", "none", ease=False)
     store.open()
     Batch(store, split(items, 2), HerePool(), lambda _: None, 0.0).run()
-    assert results(tmp_path / "without")["shirt"]["ease_chest_cm"] is None
+    without = results(tmp_path / "without")["shirt"]
+    assert without["ease_chest_cm"] is None
+    assert without["girth_chest_cm"] is None
 
 
 def test_the_cut_and_the_order_change_nothing(tmp_path: Path) -> None:

@@ -35,8 +35,9 @@ FIGURES: dict[str, tuple[str, ...]] = {
     "penetration_fraction": ("penetration_mm", "fraction"),
 }
 EASE = {"ease_chest_cm": "chest", "ease_waist_cm": "waist", "ease_hip_cm": "hip"}  # and their levels
+GIRTH = {"girth_chest_cm": "chest", "girth_waist_cm": "waist", "girth_hip_cm": "hip"}
 INTEGERS = ("vertices", "iterations")
-COLUMNS = ("name", "status", "worn", "problems", "message", *EASE, *FIGURES, "digest", "file")
+COLUMNS = ("name", "status", "worn", "problems", "message", *EASE, *GIRTH, *FIGURES, "digest", "file")
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,9 @@ def row_of(name: str, fit: Fit, file: str, *, ease: bool = True) -> dict[str, An
     codes = [problem.code.value for problem in fit.problems]
     row: dict[str, Any] = {"name": name, "status": fit.status.value, "worn": fit.worn, "problems": codes}
     row["message"] = fit.message
-    least = least_ease(fit) if ease else {}
-    row |= {column: least.get(level) for column, level in EASE.items()}
+    tightest = tightest_girths(fit) if ease else {}
+    row |= {column: _centimetres(tightest.get(level), "ease") for column, level in EASE.items()}
+    row |= {column: _centimetres(tightest.get(level), "garment_girth") for column, level in GIRTH.items()}
     for column, keys in FIGURES.items():
         row[column] = _at(fit.report, keys)
     row["digest"] = points_digest([worn.points for worn in fit.garments])
@@ -70,14 +72,22 @@ def row_of(name: str, fit: Fit, file: str, *, ease: bool = True) -> dict[str, An
     return row
 
 
-def least_ease(fit: Fit) -> dict[str, float]:
-    """By level the least ease of the garments that go round it [cm]."""
-    found: dict[str, float] = {}
-    for levels in fit.ease.values():
-        for level, ease in levels.items():
-            if ease is not None:
-                found[level] = min(100.0 * ease, found.get(level, np.inf))
+def tightest_girths(fit: Fit) -> dict[str, Mapping[str, Any]]:
+    """By level the girths [mm] of the garment that goes round it with the least ease."""
+    from warp_cloth.maps.measure import add_girths
+
+    add_girths(fit)
+    found: dict[str, Mapping[str, Any]] = {}
+    for girths in fit.report["girths_mm"]:
+        level, ease = girths["level"], girths["ease"]
+        if ease is not None and (level not in found or ease < found[level]["ease"]):
+            found[level] = girths
     return found
+
+
+def _centimetres(girths: Mapping[str, Any] | None, name: str) -> float | None:
+    """A length of a report's girths [mm] in cm, rounded as ``fit.ease`` is."""
+    return None if girths is None else 100.0 * (1e-3 * float(girths[name]))
 
 
 def empty_row(name: str, status: str, message: str) -> dict[str, Any]:

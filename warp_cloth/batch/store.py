@@ -30,7 +30,7 @@ import numpy as np
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch.columns import with_columns
 from warp_cloth.batch.jobs import Item, avatar_key, garments_key
-from warp_cloth.batch.rows import COLUMNS, EASE, FAILED, FIGURES, INTEGERS, ItemResult, empty_row
+from warp_cloth.batch.rows import COLUMNS, EASE, FAILED, FIGURES, GIRTH, INTEGERS, ItemResult, empty_row
 from warp_cloth.export.files import unwritable, whole_file
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ FIRST_SHARD = 128  # items of the first shard and the last: fewer do not fill a 
 GROWTH = 1.6  # from shard to shard at first: the next one loads while one relaxes
 SHRINKING = 2.0  # and at the end: measuring a shard takes about as long as relaxing half of it
 FIRST_AVATARS = 4  # that the first half of the garments is fitted to before other avatars
-LAYOUT = 3  # version of the output folder; files of another version are done again
+LAYOUT = 4  # version of the output folder; files of another version are done again
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ def _arrow() -> Any:
 def _table(rows: Sequence[Mapping[str, Any]]) -> pyarrow.Table:
     """Rows of the columns COLUMNS as a table."""
     arrow = _arrow()
-    types = {name: arrow.int64() if name in INTEGERS else arrow.float64() for name in (*EASE, *FIGURES)}
+    types = {name: arrow.int64() if name in INTEGERS else arrow.float64() for name in (*EASE, *GIRTH, *FIGURES)}
     types |= {"worn": arrow.bool_(), "problems": arrow.list_(arrow.string())}
     schema = arrow.schema([(name, types.get(name, arrow.string())) for name in COLUMNS])
     return arrow.Table.from_pylist(rows, schema=schema)
@@ -193,7 +193,7 @@ class Store:
 
     folder: Path
     keep: Keep
-    ease: bool = True  # whether rows have the ease, which takes 0.07 s of a core for each item
+    ease: bool = True  # whether rows have ease and girths, which take 0.07 s of a core for each item
 
     @property
     def shards(self) -> Path:

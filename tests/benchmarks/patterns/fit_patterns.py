@@ -1,24 +1,28 @@
 """Fits GarmentCode designs from their specifications and from GarmentCode's own meshes, and compares the results.
 
     python tests/benchmarks/patterns/fit_patterns.py --designs designs --data ../shared/data --out out --only g11_000
+    python tests/benchmarks/patterns/fit_patterns.py --designs designs --data ../shared/data --out out --part 1/4
+    python tests/benchmarks/patterns/fit_patterns.py --results out/part_*
 
-Nothing is set but the garment, cotton, and the body that index.csv names. A row for each design: worn, vertices and
-iterations of both; median strain of both [%]; girths of the garment at chest,
-waist and hip, where it is closed, pattern minus mesh [mm].
-With --against-edge 14 the other one is the specification again, meshed with edges of 14 mm: how far two meshes of one
-design are apart.
-Results that are in --out already are not computed again; --at-once fits share a device.
+The first two run ``warp-cloth batch``, the second over every fourth design only, into OUT/part_1; both go on where they
+were. Nothing is set but the garment, cotton, and the body that index.csv names. With --controls each design is fitted
+twice more, which tells how much of a difference is noise: its mesh started 0.1 mm higher, and its specification with
+edges of 14 mm. --results compares what is in the tables of batches, whole or cut off, and needs nothing else.
+
+A row for each design: worn, vertices and iterations of both; median strain of both [%]; girths of the garment as worn
+at chest, waist and hip, where it is closed, pattern minus mesh [mm]. Figures of strain and girths are of designs that
+are worn from both.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import json
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -26,96 +30,157 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from measured import Figures, add_write_option
 
 STRAIN, GIRTH = 0.3, 3.0  # [percentage points, mm] by which the two may differ
+LEVELS = ("chest", "waist", "hip")
 BODIES = ("garmentcode", "bodies")  # folders of --data that hold the bodies of index.csv
+# What a design is fitted from, and the scene keys that differ from "pattern" and "mesh".
+KINDS: dict[str, dict[str, str]] = {"pattern": {}, "mesh": {}}
+CONTROLS = {"mesh_moved": {"garment.translate": "[0.0, 1e-4, 0.0]"}, "pattern_14": {"garment.edge_mm": "14"}}
+PAIRS = {"": ("pattern", "mesh"), "moved.": ("mesh_moved", "mesh"), "edge_14.": ("pattern_14", "pattern")}
+
+Results = Mapping[tuple[str, str], Mapping[str, Any]]  # by design and kind
 
 
-def fitted(kind: str, file: Path, body: Path, out: Path, device: str, edge_mm: float | None = None) -> dict[str, Any]:
-    """The report of a fit; ``edge_mm``: of a pattern's mesh, None by default."""
-    if not (out / "report.json").exists():
-        out.parent.mkdir(parents=True, exist_ok=True)
-        scene = out.with_suffix(".toml")
-        garment = f'[garment]\n{kind} = "{file.resolve()}"\nfabric = "cotton"\n'
-        garment += f"edge_mm = {edge_mm:g}\n" if edge_mm is not None else ""
-        scene.write_text(f'{garment}[avatar]\nmesh = "{body.resolve()}"\n')
-        words = [
-            sys.executable,
-            "-m",
-            "warp_cloth",
-            "fit",
-            str(scene),
-            "--out",
-            str(out),
-            "--device",
-            device,
-            "--maps",
-            "gap",
+def jobs_of(args: argparse.Namespace) -> list[dict[str, str]]:
+    """Rows of the job file: the designs of this part, each from every kind; paths absolute."""
+    with (args.designs / "index.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if not args.only or row["name"] in args.only]
+    part, parts = map(int, args.part.split("/"))
+    jobs = []
+    for row in rows[part - 1 :: parts]:
+        name = row["name"]
+        body = next(path for each in BODIES if (path := args.data / each / f"{row['body']}.obj").exists())
+        files = {
+            "pattern": args.designs / "specs" / f"{name}_specification.json",
+            "mesh": args.designs / row["garment"],
+        }
+        for kind, keys in (KINDS | (CONTROLS if args.controls else {})).items():
+            key = kind.partition("_")[0]
+            job = {"name": f"{name}.{kind}", f"garment.{key}": str(files[key].resolve()), **keys}
+            jobs.append(job | {"avatar.mesh": str(body.resolve())})
+    return jobs
+
+
+def run_batch(jobs: list[dict[str, str]], args: argparse.Namespace) -> Path:
+    """Writes scene and job file, and runs ``warp-cloth batch`` over them; its folder."""
+    out = args.out if args.part == "1/1" else args.out / f"part_{args.part.partition('/')[0]}"
+    out.mkdir(parents=True, exist_ok=True)
+    scene = out / "scene.toml"
+    scene.write_text('[garment]\nfabric = "cotton"\n[avatar]\n')
+    columns = list(dict.fromkeys(["name", "scene", *(key for job in jobs for key in job)]))
+    with (out / "jobs.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows({**job, "scene": str(scene.absolute())} for job in jobs)
+    words = [sys.executable, "-m", "warp_cloth", "batch", str(out / "jobs.csv"), "--out", str(out / "batch")]
+    words += ["--keep", args.keep]
+    for option in ("device", "workers", "shard"):
+        value = getattr(args, option)
+        words += [f"--{option}", str(value)] if value is not None else []
+    subprocess.run(words, check=False)  # its exit status tells whether all are worn; the table says more
+    return out
+
+
+def read_results(places: list[Path]) -> Results:
+    """The rows of batches, of their results.parquet or, where a run was cut off, of the shards that are done."""
+    import pyarrow.parquet
+
+    found: dict[tuple[str, str], Mapping[str, Any]] = {}
+    for place in places:
+        whole = [place] if place.is_file() else sorted(place.rglob("results.parquet"))
+        for path in whole or sorted(place.rglob("shards/*.parquet")):
+            for row in pyarrow.parquet.ParquetFile(path).read().to_pylist():
+                design, _, kind = row["name"].rpartition(".")
+                found[design, kind] = row
+    return found
+
+
+def girth_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, float]:
+    """Girths as worn at the levels where both are closed round the body, one minus other [mm]."""
+    pairs = {level: (one[f"girth_{level}_cm"], other[f"girth_{level}_cm"]) for level in LEVELS}
+    return {level: 10 * (a - b) for level, (a, b) in pairs.items() if a is not None and b is not None}
+
+
+def strain_of(row: Mapping[str, Any]) -> float:
+    """Median strain [%]; NaN without a result."""
+    return float("nan") if row["strain_p50"] is None else 100 * float(row["strain_p50"])
+
+
+def print_table(results: Results) -> None:
+    """A line for each design."""
+    print("name worn vertices iterations strain% girths_mm")
+    for name in dict.fromkeys(design for design, _ in results):
+        rows = [results.get((name, kind)) for kind in KINDS]
+        if None in rows:
+            print(f"{name} not done from {' and '.join(k for k, row in zip(KINDS, rows, strict=True) if row is None)}")
+            continue
+        one, other = (row for row in rows if row is not None)
+        columns = [f"{one[key]}/{other[key]}" for key in ("worn", "vertices", "iterations")]
+        girths = [f"{level} {value:+.1f}" for level, value in girth_differences(one, other).items()]
+        print(name, *columns, f"{strain_of(one):.2f}/{strain_of(other):.2f}", *girths)
+        for kind, row in zip(KINDS, (one, other), strict=True):
+            if not row["worn"]:
+                print(f"    from {kind}: {' '.join(row['problems'] or [])} {row['message']}")
+
+
+def add_figures(figures: Figures, results: Results) -> None:
+    """How many are worn from each, and how far strain and girths of those worn from both are apart."""
+    for kind in (*KINDS, *CONTROLS):
+        rows = [row for (_, each), row in results.items() if each == kind]
+        if rows:
+            figures.add(f"{kind}.done", len(rows), "designs")
+            figures.add(f"{kind}.worn", sum(bool(row["worn"]) for row in rows), "designs")
+    for prefix, (kind, reference) in PAIRS.items():
+        both = [
+            (row, results[design, reference])
+            for (design, each), row in results.items()
+            if each == kind and row["worn"] and results.get((design, reference), {"worn": False})["worn"]
         ]
-        done = subprocess.run(words, check=False, capture_output=True, text=True)
-        if not (out / "report.json").exists():
-            print(f"{out.name}: {done.stderr[-500:].strip()}", file=sys.stderr, flush=True)
-            return {"worn": False, "vertices": 0, "iterations": 0, "strain": {"p50": float("nan")}}
-    return dict(json.loads((out / "report.json").read_text()))
+        if not both:
+            continue
+        figures.add(f"{prefix}both.worn", len(both), "designs")
+        strains = [strain_of(one) - strain_of(other) for one, other in both]
+        spread(figures, f"{prefix}strain", strains, STRAIN, "designs", "percentage points")
+        girths = [girth_differences(one, other) for one, other in both]
+        spread(figures, f"{prefix}girths", [v for each in girths for v in each.values()], GIRTH, "girths", "mm")
+        for level in LEVELS:
+            found = [each[level] for each in girths if level in each]
+            spread(figures, f"{prefix}{level}", found, GIRTH, "girths", "mm")
 
 
-def both(row: dict[str, str], args: argparse.Namespace) -> list[dict[str, Any]]:
-    """The reports of a design from its specification and from its mesh."""
-    name = row["name"]
-    body = next(path for part in BODIES if (path := args.data / part / f"{row['body']}.obj").exists())
-    pattern = args.designs / "specs" / f"{name}_specification.json"
-    one = fitted("pattern", pattern, body, args.out / f"{name}_pattern", args.device)
-    edge = args.against_edge
-    if edge is not None:
-        return [one, fitted("pattern", pattern, body, args.out / f"{name}_pattern_{edge:g}", args.device, edge)]
-    return [one, fitted("mesh", args.designs / f"{name}.obj", body, args.out / f"{name}_mesh", args.device)]
-
-
-def girths(report: dict[str, Any]) -> dict[str, float]:
-    """Girths of the garment [mm] at the levels where it is closed round the body."""
-    return {row["level"]: row["garment_girth"] for row in report.get("girths_mm", []) if row["closed"]}
+def spread(figures: Figures, name: str, differences: list[float], limit: float, what: str, unit: str) -> None:
+    """How many differences, the share within a limit, their median, and the median and largest of their sizes."""
+    if differences:
+        sizes = [abs(each) for each in differences]
+        figures.add(name, len(sizes), what)
+        figures.add(f"{name}_within", 100 * sum(each <= limit for each in sizes) / len(sizes), f"% within {limit:g}")
+        figures.add(f"{name}_shift", median(differences), f"{unit}, median")
+        figures.add(f"{name}_median", median(sizes), unit)
+        figures.add(f"{name}_apart", max(sizes), unit)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--designs", type=Path, required=True, metavar="FOLDER")
-    parser.add_argument("--data", type=Path, required=True, metavar="FOLDER")
-    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
+    parser.add_argument("--designs", type=Path, metavar="FOLDER")
+    parser.add_argument("--data", type=Path, metavar="FOLDER")
+    parser.add_argument("--out", type=Path, metavar="FOLDER")
     parser.add_argument("--only", nargs="*", default=[], metavar="NAME")
-    parser.add_argument("--against-edge", type=float, metavar="MM")
-    parser.add_argument("--device", default="cpu")
-    parser.add_argument("--at-once", type=int, default=1, metavar="N")
+    parser.add_argument("--part", default="1/1", metavar="K/N")
+    parser.add_argument("--controls", action="store_true")
+    parser.add_argument("--keep", default="none", help="as for warp-cloth batch")
+    parser.add_argument("--device")
+    parser.add_argument("--workers", type=int)
+    parser.add_argument("--shard", type=int)
+    parser.add_argument("--results", nargs="+", type=Path, default=[], metavar="PATH", help="folders or Parquet files")
     add_write_option(parser)
     args = parser.parse_args()
-    with (args.designs / "index.csv").open() as file:
-        rows = [row for row in csv.DictReader(file) if not args.only or row["name"] in args.only]
-    pool = ThreadPoolExecutor(args.at_once)
-    results = pool.map(lambda row: both(row, args), rows)
-    strains, apart, worn = [], [], [0, 0]
-    print("name worn vertices iterations strain% girths_mm")
-    for row, reports in zip(rows, results, strict=True):
-        name = row["name"]
-        one, other = reports
-        own, box = girths(one), girths(other)
-        differences = {level: own[level] - box[level] for level in own if level in box}
-        strain = [100 * report["strain"]["p50"] for report in reports]
-        print(
-            f"{name} {one['worn']}/{other['worn']} {one['vertices']}/{other['vertices']}",
-            f"{one['iterations']}/{other['iterations']} {strain[0]:.2f}/{strain[1]:.2f}",
-            " ".join(f"{level} {value:+.1f}" for level, value in differences.items()),
-            flush=True,
-        )
-        worn = [count + bool(report["worn"]) for count, report in zip(worn, reports, strict=True)]
-        if one["worn"] and other["worn"]:
-            strains.append(abs(strain[0] - strain[1]))
-            apart += [abs(value) for value in differences.values()]
-    with Figures(__file__, args, device=args.device) as figures:
-        figures.add("pattern.worn", worn[0], "designs")
-        figures.add("mesh.worn", worn[1], "designs")
-        figures.add("both.worn", len(strains), "designs")
-        figures.add("strain_within", sum(each <= STRAIN for each in strains), "designs")
-        figures.add("strain_apart", max(strains, default=0.0), "percentage points")
-        figures.add("girths", len(apart), "girths")
-        figures.add("girths_within", sum(each <= GIRTH for each in apart), "girths")
-        figures.add("girths_apart", max(apart, default=0.0), "mm")
+    if not args.results and None in (args.designs, args.data, args.out):
+        parser.error("give --designs, --data and --out, or --results")
+    if args.results and args.write and args.device is None:
+        parser.error("--write says which hardware it was: give --device, here")
+    results = read_results(args.results or [run_batch(jobs_of(args), args)])
+    print_table(results)
+    with Figures(__file__, args, device=args.device or "cpu") as figures:
+        add_figures(figures, results)
 
 
 if __name__ == "__main__":
