@@ -21,7 +21,7 @@ from warp_cloth.base import disk_cache as cache_module
 from warp_cloth.base import kernel_hashes
 from warp_cloth.base.disk_cache import ENDING, HALF, DiskCache, Entry, disk_cache, key_of
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.first_run import FOLDER
+from warp_cloth.base.first_run import FOLDER, warp_config
 from warp_cloth.base.kernel_hashes import SEARCH, share_hashes
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.stored_mesh import stored_mesh
@@ -223,6 +223,13 @@ def test_keys_differ_where_anything_differs() -> None:
     assert key_of("x", ("base",), np.arange(6).reshape(2, 3).T) == key_of(
         "x", ("base",), np.arange(6).reshape(2, 3).T.copy()
     )
+
+
+def test_keys_know_warps_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert f'version: str = "{wp.config.version}"'.encode() in warp_config()
+    here = cache_module.code_version.__wrapped__(("base",))
+    monkeypatch.setattr(cache_module, "warp_config", lambda: b"another")
+    assert cache_module.code_version.__wrapped__(("base",)) != here
 
 
 def test_a_stored_mesh_is_the_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

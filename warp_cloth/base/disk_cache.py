@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.first_run import cache_folder
+from warp_cloth.base.first_run import cache_folder, warp_config
 from warp_cloth.base.threads import ONE_THREAD
 
 LIMIT = 1 << 29  # [bytes] of all entries: about 50 bodies with their contact fields
@@ -156,6 +156,7 @@ def code_version(packages: tuple[str, ...]) -> str:
     """A digest of these packages' source, and of what else the bits of their results depend on."""
     machine = [np.__version__, sys.version, platform.machine(), _cpu_features()]
     digest = hashlib.blake2b(repr(machine).encode(), digest_size=20)
+    digest.update(warp_config())  # Warp's kernels derive some of them
     for package in packages:
         digest.update(_package_version(package))
     return digest.hexdigest()

@@ -75,13 +75,20 @@ def _mark(device: str | None) -> Path | None:
 
 
 @functools.cache
+def warp_config() -> bytes:
+    """The file of Warp's settings as it is installed, which states its version; Warp is not imported."""
+    warp = find_spec("warp")
+    if warp is not None and warp.origin is not None:
+        with contextlib.suppress(OSError):
+            return Path(warp.origin).with_name("config.py").read_bytes()
+    return b""
+
+
+@functools.cache
 def _kernels_version(warp_folder: str) -> str:
     """A digest of the kernels' source, of Warp's version and of where it keeps what it compiles."""
     digest = hashlib.blake2b(repr([warp_folder, sys.version]).encode(), digest_size=16)
-    warp = find_spec("warp")  # not imported
-    if warp is not None and warp.origin is not None:
-        with contextlib.suppress(OSError):
-            digest.update(Path(warp.origin).with_name("config.py").read_bytes())  # its version
+    digest.update(warp_config())
     own = Path(__file__).resolve().parent.parent
     kernels = own / "kernels"
     for path in sorted((kernels if kernels.is_dir() else own.parent / "kernels").rglob("*.py")):
