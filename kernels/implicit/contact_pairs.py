@@ -87,18 +87,11 @@ def model_corners(order: wp.array(dtype=wp.int32), corners: wp.vec4i):
     )
 
 
-@functools.cache
-def add_block_function(precision: str) -> wp.Function:
-    """Function ``add_block``."""
-    vec6 = cloth_types(precision).vec6
-
-    @wp.func
-    def add_block(block_out: wp.array2d(dtype=wp.int64), vertex: int, block: vec6):
-        """Adds a stiffness [N/m] to a vertex's block."""
-        for entry in range(6):
-            wp.atomic_add(block_out, vertex, entry, wp.int64(wp.float64(block[entry]) / STIFFNESS_UNIT))
-
-    return add_block
+@wp.func
+def add_block(block_out: wp.array2d(dtype=wp.int64), vertex: int, block: Any):
+    """Adds a stiffness [N/m] to a vertex's block."""
+    for entry in range(6):
+        wp.atomic_add(block_out, vertex, entry, wp.int64(wp.float64(block[entry]) / STIFFNESS_UNIT))
 
 
 @functools.cache
@@ -133,7 +126,7 @@ def linearise_pairs_kernel(precision: str, in_order: bool) -> wp.Kernel:
     on_triangle, on_edges = separation_function(precision, 0), separation_function(precision, 1)
     displacement_at = order_functions(precision, packed=False, in_order=in_order).displacement_at
     edge_weight = parallel_functions(real).weight
-    pressing_stiffness, add_block = pressing_stiffness_function(precision), add_block_function(precision)
+    pressing_stiffness = pressing_stiffness_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def linearise_pairs(

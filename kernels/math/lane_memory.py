@@ -12,7 +12,7 @@ import warp as wp
 from warp_cloth.kernels.base.access import add_to, element
 from warp_cloth.kernels.base.types import cloth_types, rests
 from warp_cloth.kernels.math.packet_memory import (
-    active_lanes_function,
+    active_lanes,
     add_packets,
     first_of_packet,
     load_packet,
@@ -87,7 +87,7 @@ def lane_memory(precision: str, lanes: int) -> SimpleNamespace:
     """
     if lanes > 1:
         return SimpleNamespace(
-            first=first_of_packet, active=active_lanes_function(precision), load=load_packet, load_at=load_packet_at,
+            first=first_of_packet, active=active_lanes, load=load_packet, load_at=load_packet_at,
             load_signed=load_packet_signed, load_signs=load_signs, load_sides=load_sides,
             add=add_packets, store=store_packet,
         )  # fmt: skip

@@ -5,13 +5,12 @@ another in their arrays, from ``first`` on; their places are the indices that th
 or the sides of triangles. ``lanes`` are bits: of which elements something is stored.
 """
 
-import functools
 from typing import Any
 
 import warp as wp
 
 from warp_cloth.kernels.base.access import element
-from warp_cloth.kernels.base.types import cloth_types, rests
+from warp_cloth.kernels.base.types import rests
 from warp_cloth.kernels.math.lanes import WIDTH as EIGHT
 from warp_cloth.kernels.math.lanes import lane_types
 
@@ -338,20 +337,14 @@ def first_of_packet(number: int, count: int) -> int:
     return wp.min(WIDTH * number, count - WIDTH)
 
 
-@functools.cache
-def active_lanes_function(precision: str) -> wp.Function:
-    Model = cloth_types(precision).Model
-
-    @wp.func
-    def active_lanes(model: Model, places: Any, number: int):
-        """Bits of a packet's elements that belong to items that iterate, and not to the packet before."""
-        first = first_of_packet(number, places.shape[0])
-        lanes = 255 & ~((1 << (WIDTH * number - first)) - 1)
-        if model.items.shape[0] == 1:
-            return wp.where(model.items[0].active == 0, 0, lanes)
-        for lane in range(WIDTH):
-            if rests(model, element(places, first + lane)[0]):
-                lanes &= ~(1 << lane)
-        return lanes
-
-    return active_lanes
+@wp.func
+def active_lanes(model: Any, places: Any, number: int):
+    """Bits of a packet's elements that belong to items that iterate, and not to the packet before."""
+    first = first_of_packet(number, places.shape[0])
+    lanes = 255 & ~((1 << (WIDTH * number - first)) - 1)
+    if model.items.shape[0] == 1:
+        return wp.where(model.items[0].active == 0, 0, lanes)
+    for lane in range(WIDTH):
+        if rests(model, element(places, first + lane)[0]):
+            lanes &= ~(1 << lane)
+    return lanes

@@ -43,7 +43,7 @@ from warp_cloth.kernels.patches.memory import (
     access_functions,
     context_function,
     context_type,
-    next_functions,
+    next_patch,
     patch_of,
     skips_patch,
 )
@@ -191,7 +191,6 @@ def advance_functions(options: KernelOptions) -> SimpleNamespace:
     types, functions = cloth_types(options.precision), patch_functions(options)
     precision, early = options.precision, _reads_early(options)
     PatchStart, Context, PatchWork = start_type(precision), context_type(precision), work_type(precision)
-    next_patch = next_functions(precision).next_patch
     read_vertex, free = block_read_function(options), free_function(options.precision, options.terms.pins)
 
     @wp.func

@@ -18,7 +18,7 @@ from warp_cloth.kernels.math.lanes import WIDTH, lane_types
 from warp_cloth.kernels.math.operators import add, mul, sub  # noqa: F401  what + - * below call for packets
 from warp_cloth.kernels.math.packet import component, vector4
 from warp_cloth.kernels.math.packet_memory import (
-    active_lanes_function,
+    active_lanes,
     add_packet_pairs,
     add_packets,
     first_of_packet,
@@ -66,7 +66,6 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
     real, vec4, Step, Triangles = types.real, types.vec4, types.Step, types.Triangles
     Model, State = types.Model, types.State
     like = wp.constant(real(0.0))
-    active_lanes = active_lanes_function(precision)
 
     @wp.func
     def folds_bounds(fold: wp.array(dtype=vec4), edges: wp.array(dtype=wp.vec3i), start: int):

@@ -29,7 +29,7 @@ from warp_cloth.kernels.patches.memory import (
     context_function,
     context_type,
     fetch_function,
-    next_functions,
+    fetch_next,
     patch_of,
     skips_patch,
     stride_function,
@@ -247,7 +247,6 @@ def _compute_tiles_function(options: KernelOptions) -> wp.Function:
     load_constants, compute_tile_edges = tiles.load_constants, tiles.compute_tile_edges
     compute_normals, compute_edges = normals_step(options), edges_step(options)
     edge_table, vertex_slots = edge_table_functions(options).edge_table, load_functions(options).vertex_slots
-    fetch_next = next_functions(precision).fetch_next
 
     @wp.func
     def compute_tiles(context: Context, state: types.State, first: int, second: int, upcoming: Patch):

@@ -21,7 +21,7 @@ from warp_cloth.kernels.math.lane_memory import lane_memory
 from warp_cloth.kernels.math.lanes import WIDTH, lane_types
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
 from warp_cloth.kernels.math.packet import component, vector3, vector4
-from warp_cloth.kernels.math.packet_memory import active_lanes_function, first_of_packet, load_sides, store_packet
+from warp_cloth.kernels.math.packet_memory import active_lanes, first_of_packet, load_sides, store_packet
 from warp_cloth.kernels.math.real import inner, root
 from warp_cloth.kernels.patches.packing import order_functions
 
@@ -62,7 +62,6 @@ def packet_normals_kernel(precision: str) -> wp.Kernel:
     types = cloth_types(precision)
     vec4, Model, State, Triangles = types.vec4, types.Model, types.State, types.Triangles
     like, packets = wp.constant(types.real(0.0)), lane_types(types.real, WIDTH)
-    active_lanes = active_lanes_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_normals(

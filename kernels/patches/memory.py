@@ -2,6 +2,7 @@
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -275,32 +276,22 @@ def fetch_function(options: KernelOptions) -> wp.Function:
     return fetch_tables
 
 
-@functools.cache
-def next_functions(precision: str) -> SimpleNamespace:
-    """Functions ``next_patch`` and ``fetch_next``: of the patch that a GPU turns to when it is through with a block's.
+@wp.func
+def next_patch(patches: Any, number: int):
+    """The patch that a GPU turns to when it is through with a block's; of the last ones none, which has no vertices."""
+    upcoming = Patch()
+    last = patches.patch.shape[0] // 4 - 1
+    if number + patches.ahead <= last:
+        upcoming = patch_of(patches.patch, number + patches.ahead)
+        fetch_ahead(patches.patch, 4 * wp.min(number + 2 * patches.ahead, last), 4, 0)
+    return upcoming
 
-    Its vertices are prefetched while a block works on others; where they lie is known by then.
-    """
-    types = cloth_types(precision)
-    Patches, State = types.Patches, types.State
 
-    @wp.func
-    def next_patch(patches: Patches, number: int):
-        """That patch, or of the last ones none, which has no vertices."""
-        upcoming = Patch()
-        last = patches.patch.shape[0] // 4 - 1
-        if number + patches.ahead <= last:
-            upcoming = patch_of(patches.patch, number + patches.ahead)
-            fetch_ahead(patches.patch, 4 * wp.min(number + 2 * patches.ahead, last), 4, 0)
-        return upcoming
-
-    @wp.func
-    def fetch_next(patches: Patches, state: State, upcoming: Patch):
-        """Prefetches what a block reads first."""
-        if upcoming.owned_count > 0:
-            owned = upcoming.owned_count
-            fetch_ahead(patches.vertex, upcoming.vertex_start + owned, upcoming.vertex_count - owned, 0)
-            fetch_points(state.position, upcoming.place, upcoming.owned_count)
-            fetch_ahead(state.displacement4, upcoming.place, upcoming.owned_count, 0)
-
-    return SimpleNamespace(next_patch=next_patch, fetch_next=fetch_next)
+@wp.func
+def fetch_next(patches: Any, state: Any, upcoming: Patch):
+    """Prefetches what a block reads first of its next patch, while it works on others: by then it is known where."""
+    if upcoming.owned_count > 0:
+        owned = upcoming.owned_count
+        fetch_ahead(patches.vertex, upcoming.vertex_start + owned, upcoming.vertex_count - owned, 0)
+        fetch_points(state.position, upcoming.place, upcoming.owned_count)
+        fetch_ahead(state.displacement4, upcoming.place, upcoming.owned_count, 0)
