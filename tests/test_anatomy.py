@@ -99,6 +99,22 @@ def test_limbs_are_told_wherever_and_however_the_body_stands(tshirt: Outfit, ske
         assert curve[-1] == pytest.approx(0.6 * expected[-1] @ turn.T + [3.0, -2.0, 1.0], abs=0.02)
 
 
+def test_a_hole_in_an_arm_does_not_end_it(tshirt: Outfit, skeleton: Skeleton) -> None:
+    """Level lines through a scan's hole are shorter, and widen again where it ends."""
+    assert tshirt.avatar is not None
+    points, triangles = tshirt.avatar.points, tshirt.avatar.triangles
+    curve = skeleton.curves[LEFT_ARM]
+    elbow = curve[(skeleton.joints[LEFT_ARM] + len(curve)) // 2]
+    spot = points[np.linalg.norm(points - elbow - 0.05 * skeleton.forward, axis=1).argmin()]
+    hole = np.linalg.norm(points[triangles].mean(axis=1) - spot, axis=1) < 0.04
+    assert hole.any()
+    found = skeleton_of(Mesh("scan", points, triangles[~hole]))
+    assert found is not None
+    assert len(found.limb) == len(found.skin) == len(points)
+    joints = [each.curves[LEFT_ARM][each.joints[LEFT_ARM]] for each in (found, skeleton)]
+    assert joints[0] == pytest.approx(joints[1], abs=0.02)
+
+
 def test_what_is_no_person_has_no_limbs(tshirt: Outfit) -> None:
     points, triangles = cylinder(0.1, 1.7)
     assert skeleton_of(Mesh("post", points, triangles)) is None

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines, nearest_points, row_lengths
 from warp_cloth.base.curves import arc_lengths
+from warp_cloth.base.lids import cones, with_tips
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.topology import mesh_edges
 
@@ -110,7 +111,7 @@ class _Limb:
 def skeleton_of(body: Mesh) -> Skeleton | None:
     """The skeleton of a person's body; None where the mesh has not a head, two arms and two legs.
 
-    ``body`` may have further components, such as eyes; small holes do not matter.
+    ``body`` may have further components, such as eyes; its holes are closed first.
     """
     found = skeleton_or_reason(body)
     return found if isinstance(found, Skeleton) else None
@@ -118,10 +119,23 @@ def skeleton_of(body: Mesh) -> Skeleton | None:
 
 def skeleton_or_reason(body: Mesh) -> Skeleton | str:
     """The skeleton of a person's body, or why there is none: a clause about the body."""
-    points = body.points
-    edges = mesh_edges(body.triangles, len(points))
+    edges = mesh_edges(body.triangles, body.vertex_count)
+    if 2 * len(edges) == 3 * body.triangle_count:
+        return _skeleton_of(body.points, body.triangles, edges)
+    # a hole makes level lines shorter: where it ends an arm seems to widen, as it does where it joins the trunk
+    lids, rims = cones(body.triangles.astype(np.int64), body.vertex_count)
+    points, triangles = with_tips(body.points, rims), np.vstack([body.triangles, lids.astype(np.int32)])
+    found = _skeleton_of(points, triangles, mesh_edges(triangles, len(points)))
+    if isinstance(found, str):
+        return found
+    own = slice(body.vertex_count)
+    return replace(found, skin=found.skin[own], limb=found.limb[own], station=found.station[own])
+
+
+def _skeleton_of(points: Points, triangles: Indices, edges: Indices) -> Skeleton | str:
+    """The skeleton of a body without holes, or why there is none."""
     graph = EdgeGraph(edges, row_lengths(points[edges[:, 0]] - points[edges[:, 1]]), len(points))
-    area = _vertex_areas(points, body.triangles)
+    area = _vertex_areas(points, triangles)
     if not area.any():
         return "it has no surface"
     main = _largest_part(graph, area)
@@ -129,7 +143,7 @@ def skeleton_or_reason(body: Mesh) -> Skeleton | str:
     if isinstance(found, str):
         return found
     tips, distances, span = found
-    triangles = body.triangles[main[body.triangles[:, 0]]]
+    triangles = triangles[main[triangles[:, 0]]]
     limbs = [
         _limb(number, points, triangles, of_tip, span, float(distances[RIGHT_LEG][tips[LEFT_LEG]]))
         for number, of_tip in enumerate(distances)

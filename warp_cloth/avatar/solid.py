@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
+from warp_cloth.base.lids import cones, with_tips
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.stored_value import stored_value
 
@@ -32,7 +32,7 @@ class Closing:
 
     def points(self, vertices: Points) -> Points:
         """The avatar's vertices [m], shape [V, 3], and the tips."""
-        return _with_tips(vertices, self.rims)
+        return with_tips(vertices, self.rims)
 
     def closed(self, mesh: Mesh) -> Mesh:
         """The mesh as a solid; without data of single triangles."""
@@ -61,9 +61,9 @@ def _closing_of(mesh: Mesh) -> Closing:
     Cones over its holes close it. A part that then encloses hardly anything, or is mostly lid, is a sheet and left out,
     unless all parts are.
     """
-    cones, rims = _cones(mesh.triangles.astype(np.int64), mesh.vertex_count)
-    triangles = np.concatenate([mesh.triangles.astype(np.int64), cones])
-    points = _with_tips(mesh.points, rims)
+    covers, rims = cones(mesh.triangles.astype(np.int64), mesh.vertex_count)
+    triangles = np.concatenate([mesh.triangles.astype(np.int64), covers])
+    points = with_tips(mesh.points, rims)
     part = _parts(triangles, len(points))
     corners = points[triangles] - points[part][:, None]  # about the part's own vertex: it may be far from the origin
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -102,32 +102,6 @@ def solid_of(avatar: Mesh) -> Solid:
     """The avatar with its holes closed; a sheet stays as it is, for the collider that can handle one."""
     closing = closing_of(avatar)
     return Solid(closing, closing.closed(avatar) if closing.encloses else avatar)
-
-
-def _with_tips(vertices: Points, rims: Sequence[NDArray[np.int64]]) -> Points:
-    tips = [vertices[rim].mean(axis=0) for rim in rims]
-    return np.concatenate([vertices, np.reshape(tips, (-1, 3))])
-
-
-def _cones(triangles: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], tuple[NDArray[np.int64], ...]]:
-    """Triangles that close a surface of ``count`` vertices, with tips numbered from ``count`` on, and their rims.
-
-    An edge along which its triangles run more often in one direction gets as many cone triangles in the other. Where
-    triangles are wound consistently these edges are the rims of holes, and the cones close them.
-    """
-    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-    edges, edge = np.unique(np.minimum(start, end) * count + np.maximum(start, end), return_inverse=True)
-    excess = np.zeros(len(edges), dtype=np.int64)
-    np.add.at(excess, edge.ravel(), np.where(start < end, 1, -1))
-    open_edges = np.repeat(np.flatnonzero(excess), np.abs(excess[excess != 0]))
-    low, high = edges[open_edges] // count, edges[open_edges] % count
-    forward = excess[open_edges] > 0
-    rim = connected_components(count, low, high)[low]
-    _, tip = np.unique(rim, return_inverse=True)
-    cones = np.stack([np.where(forward, high, low), np.where(forward, low, high), count + tip.ravel()], axis=1)
-    order = np.argsort(tip.ravel(), kind="stable")
-    parts = np.split(order, np.flatnonzero(np.diff(tip.ravel()[order])) + 1) if len(order) else []
-    return cones, tuple(np.unique(np.concatenate([low[part], high[part]])) for part in parts)
 
 
 def _parts(triangles: NDArray[np.int64], count: int) -> NDArray[np.int64]:
