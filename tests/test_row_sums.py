@@ -11,7 +11,7 @@ from cloths import grid
 
 from warp_cloth.base import chunks
 from warp_cloth.base.row_sums import LONGEST, RowSums
-from warp_cloth.base.topology import build_topology
+from warp_cloth.base.topology import build_topology, ragged_rows
 
 WIDTH = 41  # of a grid whose rows take several parts
 
@@ -43,6 +43,23 @@ def test_they_are_those_of_bincount(mixed: bool, at_once: int, monkeypatch: pyte
     summed = RowSums(rows, places, count)(held)
     wanted = np.bincount(rows, held[places], count)
     assert summed.tobytes() == wanted.tobytes()
+    several = RowSums(rows, places, count)(np.column_stack([held, 2.0 * held]))
+    assert np.array_equal(several, np.column_stack([wanted, 2.0 * wanted]))
+
+
+@pytest.mark.usefixtures("sparse")
+@pytest.mark.parametrize("at_once", [100, 1 << 15])
+def test_entries_with_factors_are_rounded_before_they_are_added(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(chunks, "CHUNK_ROWS", at_once)
+    rows, places, count = neighbours(mixed=True)
+    rows[: 2 * LONGEST] = 7
+    rng = np.random.default_rng(6)
+    held, factors = rng.normal(size=count), rng.normal(size=len(rows))
+    summed = RowSums(rows, places, count, factors)(held)
+    assert np.array_equal(summed, np.bincount(rows, factors * held[places], count))
+    grouped = ragged_rows(rows, count)
+    assert np.array_equal(RowSums(grouped, places, count, factors)(held), summed)
+    assert np.array_equal(RowSums(rows, places, count, factors)(held[:, None])[:, 0], summed)
 
 
 @pytest.mark.usefixtures("sparse")

@@ -1,4 +1,4 @@
-"""Sparse row sums (a CSR matrix of ones times a vector) in the order of ``numpy.bincount``, so with the same bits.
+"""Sparse row sums (a CSR matrix times vectors) in the order of ``numpy.bincount``, so with the same bits.
 
 Entry k of many rows is gathered and added at once. Rows of a regular mesh that share a stencil, the offsets of their
 entries, are summed from contiguous memory without indices.
@@ -6,11 +6,13 @@ entries, are summed from contiguous memory without indices.
 Own code, for speed: fitting the hinges of a T-shirt with 57,000 vertices takes 1.11 s of CPU time with it, 1.46 s with
 ``numpy.bincount`` (7,000 vertices: 0.13 s both). SciPy's CSR product gives the same bits four times as fast (7,000
 vertices: 0.06 and 0.23 ms), but importing ``scipy.sparse`` takes 0.14 s, longer than all sums of a T-shirt: it is used
-where something else has imported it already, as meshing a pattern has.
+where something else has imported it already, as meshing a pattern has. Several vectors at once take it half of the
+time. Where its build rounds products and sums together (fused multiply-add), it is not used for entries with factors.
 """
 
 from __future__ import annotations
 
+import functools
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,6 +27,9 @@ from warp_cloth.base.topology import ragged_rows
 Floats = NDArray[np.float64]
 Columns = NDArray[np.intp]
 
+# Starts of rows, shape [rows + 1], and the entries row by row, shape [N]; None: they are in that order
+Grouped = tuple[NDArray[np.integer], NDArray[np.integer] | None]
+
 LONGEST = 64  # entries of a row that is added entry by entry; longer rows are few
 SAMPLED, COMMON = 64, 8  # rows sampled for stencils, and how many of these must share one for it to be used
 SPREAD = 2_654_435_761  # stride of the sample: no regular mesh is as wide
@@ -36,11 +41,15 @@ class _Ranked:
 
     rows: Columns
     columns: tuple[Columns, ...]
+    factors: tuple[Floats, ...]  # of these entries; none: all 1
 
     def sums(self, values: Floats) -> Floats:
-        total = np.zeros(len(self.rows))
-        for columns in self.columns:
-            total[: len(columns)] += values.take(columns)
+        total = np.zeros((len(self.rows), *values.shape[1:]))
+        for place, columns in enumerate(self.columns):
+            own = values.take(columns, axis=0)
+            if self.factors:
+                own *= _beside(self.factors[place], own)
+            total[: len(columns)] += own
         return total
 
 
@@ -55,17 +64,33 @@ class _Stencil:
 class RowSums:
     """Sums over the entries of every row."""
 
-    def __init__(self, rows: NDArray[np.integer], columns: NDArray[np.integer], count: int) -> None:
-        """Entry n adds the value at ``columns[n]`` to the sum of ``rows[n]``; shape [N] both; ``count`` rows."""
+    def __init__(
+        self,
+        rows: NDArray[np.integer] | Grouped,
+        columns: NDArray[np.integer],
+        count: int,
+        factors: Floats | None = None,
+    ) -> None:
+        """Entry n adds the value at ``columns[n]``, times ``factors[n]``, to the sum of ``rows[n]``.
+
+        Args:
+            rows: shape [N], or the entries grouped by their rows.
+            columns: shape [N].
+            count: of rows.
+            factors: shape [N]; None: all 1.
+        """
         self.count = count
-        starts, order = ragged_rows(rows, count)
-        self._start, self._column = starts.astype(np.intp), np.asarray(columns, dtype=np.intp)[order]
+        starts, order = rows if isinstance(rows, tuple) else ragged_rows(rows, count)
+        if order is not None:
+            columns, factors = columns[order], None if factors is None else factors[order]
+        self._start, self._column = starts.astype(np.intp), np.asarray(columns, dtype=np.intp)
+        self._factors = factors
         self._width = int(self._column.max(initial=-1)) + 1
         self._products = self._csr_products()
         if self._products is not None:
             return
         self._length = np.diff(self._start)
-        self._stencils = self._common_stencils()
+        self._stencils = self._common_stencils() if factors is None else []
         rest = np.ones(count, dtype=bool)
         for stencil in self._stencils:
             rest &= ~stencil.flags
@@ -73,18 +98,21 @@ class RowSums:
         rest[self._long] = False
         self._chunks = dict(map_chunks(lambda chunk: (chunk.start, self._ranked(chunk, rest[chunk])), count))
         self._entries = self._entries_of(self._long)
-        del self._column
+        del self._column, self._factors
 
     def _csr_products(self) -> dict[int, Any] | None:
-        """SciPy's matrix for each chunk, by its first row; None where SciPy's sparse matrices are not imported."""
+        """SciPy's matrix for each chunk, by its first row; None where it is not imported, or would give other bits."""
         sparse = sys.modules.get("scipy.sparse")
         if sparse is None or not hasattr(sparse, "csr_array") or not self._width:
+            return None
+        if self._factors is not None and _is_fused(sparse.csr_array):
             return None
 
         def matrix(chunk: slice) -> tuple[int, Any]:
             first, end = self._start[chunk.start], self._start[chunk.stop]
             start, columns = self._start[chunk.start : chunk.stop + 1] - first, self._column[first:end]
-            parts = (np.ones(len(columns)), columns.astype(np.int32), start.astype(np.int32))
+            factors = np.ones(len(columns)) if self._factors is None else self._factors[first:end]
+            parts = (factors, columns.astype(np.int32), start.astype(np.int32))
             return chunk.start, sparse.csr_array(parts, shape=(chunk.stop - chunk.start, self._width))
 
         return dict(map_chunks(matrix, self.count))
@@ -114,18 +142,21 @@ class RowSums:
         rows = rows[np.argsort(-self._length[rows], kind="stable")]
         start, length = self._start[rows], self._length[rows]
         ends = np.cumsum(np.bincount(length, minlength=1)[::-1])[::-1]  # how many rows have so many entries or more
-        columns = (self._column[start[:end] + rank] for rank, end in enumerate(ends[1:].tolist()))
-        return _Ranked(rows - chunk.start, tuple(columns))
+        places = [start[:end] + rank for rank, end in enumerate(ends[1:].tolist())]
+        factors = () if self._factors is None else tuple(self._factors[own] for own in places)
+        return _Ranked(rows - chunk.start, tuple(self._column[own] for own in places), factors)
 
-    def _entries_of(self, rows: Columns) -> tuple[Columns, Columns]:
-        """Number among ``rows``, and column, of all their entries."""
-        own = [self._column[self._start[row] : self._start[row + 1]] for row in rows.tolist()]
+    def _entries_of(self, rows: Columns) -> tuple[Columns, Columns, Floats]:
+        """Number among ``rows``, column and factor of all their entries."""
+        own = [np.arange(self._start[row], self._start[row + 1]) for row in rows.tolist()]
+        places = np.concatenate([np.zeros(0, dtype=np.intp), *own])
         numbers = np.repeat(np.arange(len(rows)), self._length[rows])
-        return numbers, np.concatenate([np.zeros(0, dtype=np.intp), *own])
+        factors = np.ones(len(places)) if self._factors is None else self._factors[places]
+        return numbers, self._column[places], factors
 
     def __call__(self, values: Floats) -> Floats:
-        """Row sums of ``values``, shape [columns]; shape [rows]."""
-        summed = np.empty(self.count)
+        """Row sums of ``values``, shape [columns] or, of K vectors, [columns, K]; shape [rows] or [rows, K]."""
+        summed = np.empty((self.count, *values.shape[1:]))
 
         def put(chunk: slice, sums: Floats) -> None:
             summed[chunk] = sums
@@ -139,10 +170,10 @@ class RowSums:
         if products is not None:
             map_chunks(lambda chunk: use(chunk, products[chunk.start] @ values[: self._width]), self.count)
             return
-        long = np.bincount(self._entries[0], values[self._entries[1]], len(self._long))
+        long = self._long_sums(values)
 
         def work(chunk: slice) -> None:
-            sums, ranked = np.empty(chunk.stop - chunk.start), self._chunks[chunk.start]
+            sums, ranked = np.empty((chunk.stop - chunk.start, *values.shape[1:])), self._chunks[chunk.start]
             if len(ranked.rows) < len(sums):
                 self._add_stencils(values, sums, chunk)
             sums[ranked.rows] = ranked.sums(values)
@@ -151,6 +182,16 @@ class RowSums:
             use(chunk, sums)
 
         map_chunks(work, self.count)
+
+    def _long_sums(self, values: Floats) -> Floats:
+        """Sums of the long rows, of one vector after another."""
+        numbers, columns, factors = self._entries
+        sums = np.empty((len(self._long), *values.shape[1:]))
+        count = int(np.prod(values.shape[1:]))
+        vectors, into = values.reshape(len(values), count), sums.reshape(len(sums), count)
+        for place in range(count if len(sums) else 0):
+            into[:, place] = np.bincount(numbers, vectors[columns, place] * factors, len(sums))
+        return sums
 
     def _add_stencils(self, values: Floats, sums: Floats, chunk: slice) -> None:
         """Writes the sums of rows with a common stencil; other rows get arbitrary numbers."""
@@ -163,4 +204,17 @@ class RowSums:
             for offset in stencil.offsets[1:]:
                 own += values[first + offset : end + offset]
             inner = sums[first - chunk.start : end - chunk.start]
-            inner[...] = own if number == 0 else np.where(stencil.flags[first:end], own, inner)
+            inner[...] = own if number == 0 else np.where(_beside(stencil.flags[first:end], own), own, inner)
+
+
+def _beside(each: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
+    """A number for each row, shape [rows], with as many axes as ``values``."""
+    return each.reshape(len(each), *(1,) * (values.ndim - 1))
+
+
+@functools.cache
+def _is_fused(csr_array: type[Any]) -> bool:
+    """Whether a product of SciPy's rounds each product with its sum only, unlike NumPy, so that bits differ."""
+    number = 1.0 + 2.0**-30
+    product = csr_array(([-1.0, number], [0, 1], [0, 2]), shape=(1, 2)) @ np.array([number * number, number])
+    return bool(product[0] != 0.0)

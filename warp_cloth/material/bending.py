@@ -14,6 +14,7 @@ from warp_cloth.base.chunks import CHUNK_ROWS, map_chunks, map_rows
 from warp_cloth.base.mesh import Indices
 from warp_cloth.base.row_sums import RowSums
 from warp_cloth.base.threads import concatenate
+from warp_cloth.base.topology import ragged_rows
 from warp_cloth.material.constants import Sheet
 from warp_cloth.material.patch_factors import Fit, Patches
 
@@ -181,22 +182,25 @@ class Balance:
 
     def __init__(self, sheet: Sheet, folds: Folds, fixed: NDArray[np.bool_]) -> None:
         self._fixed = fixed  # vertices near the border, so that the bend stays
-        self._corners = np.ascontiguousarray(sheet.topology.hinges.T, dtype=np.intp)
+        hinges, count = sheet.topology.hinges, len(folds.across)
         self._slopes = np.ascontiguousarray(folds.slopes.T)
         self._size = np.abs(self._slopes)
         self._sizes, self._least = self._size.sum(axis=0), 0.02 * folds.across
-        self._pull, self._curve = np.empty_like(self._slopes), np.empty_like(self._slopes)
-        self._folded = np.empty_like(folds.across)
-        # reused buffers: allocation costs as much as the work in them
-        most = min(len(self._folded), CHUNK_ROWS)
-        self._moved, self._half = np.empty((4, most)), np.empty((2, most))
-        self._counted = len(self._folded) > MANY
-        rows = self._corners.ravel()
-        self._sums: Callable[[Floats], Floats] = (
-            (lambda own: np.asarray(np.bincount(rows, own, len(fixed)), float))
-            if self._counted
-            else RowSums(rows, np.arange(len(rows)), len(fixed))
-        )
+        self._folded, self._force, self._curve = np.empty(count), np.empty(count), np.empty_like(self._slopes)
+        self._half = np.empty((2, min(count, CHUNK_ROWS)))  # reused: allocation costs as much as the work in it
+        self._counted, rows = count > MANY, hinges.T.ravel()
+        by_hinge = np.arange(0, 4 * count + 1, 4), None
+        self._moved = RowSums(by_hinge, hinges.ravel(), count, np.ascontiguousarray(folds.slopes).ravel())
+        if self._counted:
+            self._sums: Callable[[Floats], Floats] = lambda own: np.asarray(
+                np.bincount(rows, own.ravel(), len(fixed)), float
+            )
+            self._pulls: Callable[[Floats], Floats] = lambda force: self._sums(force * self._slopes)
+        else:
+            by_vertex = ragged_rows(rows, len(fixed))
+            summed = RowSums(by_vertex, np.arange(4 * count), len(fixed))
+            self._sums = lambda own: summed(own.ravel())
+            self._pulls = RowSums(by_vertex, np.tile(np.arange(count), 4), len(fixed), self._slopes.ravel())
 
     def folded(
         self, stiffness: Floats, even: Floats, displacement: Floats, rounds: int, rubbing: Rubbing | None = None
@@ -206,46 +210,43 @@ class Balance:
         Gradient descent on the sum of C |fold|^3 / 6, and of what ``rubbing`` takes, over the displacements of inner
         vertices, in ``displacement`` [m2], shape [V], which is updated.
         """
-        half, pull, curve, folded = 0.5 * stiffness, self._pull, self._curve, self._folded
+        half, curve, folded, force = 0.5 * stiffness, self._curve, self._folded, self._force
 
-        def fold(part: slice) -> None:
-            moved = self._moved[:, : part.stop - part.start]
-            np.take(displacement, self._corners[:, part], out=moved, mode="clip")
-            np.multiply(self._slopes[:, part], moved, out=moved)
-            start, end, first, second = moved
-            start += end
-            start += first
-            start += second
-            np.add(even[part], start, out=folded[part])
+        def fold(part: slice, moved: Floats) -> None:
+            np.add(even[part], moved, out=folded[part])
 
-        def force(part: slice) -> float:
-            fold(part)
+        def bend(part: slice, moved: Floats) -> None:
+            fold(part, moved)
             size, other = self._half[:, : part.stop - part.start]
-            own = stiffness[part]
             np.abs(folded[part], out=size)
-            np.multiply(half[part], folded[part], out=other)
-            other *= size
-            np.multiply(other, self._slopes[:, part], out=pull[:, part])
+            np.multiply(half[part], folded[part], out=force[part])
+            force[part] *= size
             np.add(size, self._least[part], out=other)
-            other *= own
+            other *= stiffness[part]
             np.multiply(other, self._size[:, part], out=curve[:, part])
             if rubbing is not None:
                 secant = rubbing.moment[part] / np.maximum(size, rubbing.clinging[part])
-                pull[:, part] += secant * folded[part] * self._slopes[:, part]
                 curve[:, part] += 2.0 * secant * self._size[:, part]
             curve[:, part] *= self._sizes[part]
-            return float(np.sum(own * size * size * size)) if self._counted else 0.0
 
         last, before = np.zeros(len(displacement)), np.inf
         for _ in range(rounds):
-            energy = sum(map_chunks(force, len(even)))
-            if self._counted and abs(before - energy) <= SETTLED * energy:
-                break
-            before = energy
-            slope, bound = (self._sums(each.ravel()) for each in (pull, curve))
+            self._moved.for_each_chunk(displacement, bend)
+            if self._counted:
+                energy = float(sum(map_chunks(partial(_energy, stiffness, folded), len(even))))
+                if abs(before - energy) <= SETTLED * energy:
+                    break
+                before = energy
+            slope = self._pulls(force) if rubbing is None else self._sums(self._rubbed(rubbing))
+            bound = self._sums(curve)
             map_chunks(partial(self._advance, displacement, last, slope, bound), len(displacement))
-        map_chunks(fold, len(even))
+        self._moved.for_each_chunk(displacement, fold)
         return folded
+
+    def _rubbed(self, rubbing: Rubbing) -> Floats:
+        """What hinges pull at their vertices, friction included; shape [4, H]."""
+        secant = rubbing.moment / np.maximum(np.abs(self._folded), rubbing.clinging)
+        return self._force * self._slopes + secant * self._folded * self._slopes
 
     def _advance(self, displacement: Floats, last: Floats, slope: Floats, bound: Floats, part: slice) -> None:
         """Updates the displacements of a chunk of vertices."""
@@ -253,6 +254,11 @@ class Balance:
         own[...] = MOMENTUM * own - 2.0 * STEP * slope[part] / least
         own[self._fixed[part]] = 0.0
         displacement[part] += own
+
+
+def _energy(stiffness: Floats, folded: Floats, part: slice) -> float:
+    """Six times the energy of a chunk of hinges."""
+    return float(np.sum(stiffness[part] * _cubed(folded[part])))
 
 
 def _wing(sheet: Sheet, triangle: Any, side: Any, floor: float) -> tuple[Floats, ...]:

@@ -41,15 +41,15 @@ class Patches:
         self._at_vertices = RowSums(self._corners.ravel(), np.tile(np.arange(len(hinges)), 4), count)
         self._around = RowSums(edges[:, ::-1].T.ravel(), edges.T.ravel(), count)
         self._weight = 0.5 / np.maximum(np.bincount(edges.ravel(), minlength=count), 1)
-        # reused buffers: allocation costs as much as the work in them
-        self._product, self._walking = np.empty(len(hinges)), np.empty((2, count))
+        self._product = np.empty(len(hinges))  # reused: allocation costs as much as the work in it
         corners = sheet.triangles.ravel()
-        self.area = self._spread(np.asarray(np.bincount(corners, np.repeat(sheet.areas / 3.0, 3), count), float))
+        areas = np.asarray(np.bincount(corners, np.repeat(sheet.areas / 3.0, 3), count), float)
+        self.area = self._spread(areas[:, None])[:, 0]
 
     def _spread(self, values: Floats) -> Floats:
-        """Spreads vertex values by the random walk, in place; their sum is conserved. Shape [V]."""
-        weight = self._weight
-        outgoing, next_outgoing = np.multiply(weight, values, out=self._walking[0]), self._walking[1]
+        """Spreads K values of every vertex by the random walk, in place; their sums are conserved. Shape [V, K]."""
+        weight = np.repeat(self._weight, values.shape[1]).reshape(values.shape)
+        outgoing, next_outgoing = weight * values, np.empty_like(values)
         for _ in range(STEPS):
 
             def walk(there: slice, sums: Floats, onward: Floats = next_outgoing) -> None:
@@ -62,10 +62,13 @@ class Patches:
             outgoing, next_outgoing = next_outgoing, outgoing
         return values
 
-    def sums(self, *factors: Floats) -> Floats:
-        """Patch sums of the product of hinge quantities, shape [V]."""
-        map_chunks(partial(self._put_product, factors), len(self._product))
-        return self._spread(self._at_vertices(self._product))
+    def sums(self, *products: Sequence[Floats]) -> Floats:
+        """Patch sums of each product of hinge quantities, shape [K, V]."""
+        at_vertices = np.empty((self.count, len(products)))
+        for place, factors in enumerate(products):
+            map_chunks(partial(self._put_product, factors), len(self._product))
+            at_vertices[:, place] = self._at_vertices(self._product)
+        return np.ascontiguousarray(self._spread(at_vertices).T)
 
     def _put_product(self, factors: Sequence[Floats], part: slice) -> None:
         """A quarter of the product of a chunk of hinge quantities."""
@@ -87,7 +90,8 @@ class Patches:
             values: quantities of each hinge, of which the product is summed.
             beyond: the same quantity at each vertex, if the cloth continued beyond the border.
         """
-        return (1.0 + self._spread(beyond) / np.maximum(self.sums(*values), LEAST)) / np.maximum(self.area, LEAST)
+        (within,), further = self.sums(values), self._spread(beyond[:, None])[:, 0]
+        return np.asarray((1.0 + further / np.maximum(within, LEAST)) / np.maximum(self.area, LEAST))
 
 
 class Fit:
@@ -104,21 +108,20 @@ class Fit:
         Bent along warp, weft and biases, or in several directions, each hinge has C times its ``energies``, each shape
         [H]; the patch sums times ``scales``, each shape [V], should be ``wanted``.
         """
+        count, has_lean = len(energies), bool(self._lean.any())
         for _ in range(MOST_STEPS):
-            sums = [self._patches.sums(own, self.stiffness) for own in energies]
+            leaning = [(own, self.stiffness, self._lean) for own in energies] if has_lean else []
+            sums, leans = np.split(self._patches.sums(*((own, self.stiffness) for own in energies), *leaning), [count])
             deficits = [
                 map_rows(partial(_deficit, own), *both) for *both, own in zip(sums, scales, wanted, strict=True)
             ]
-            if not self._lean.any():
+            if not has_lean:
                 self._add(np.mean(deficits, axis=0), 0.0)
                 return
             if max(float(np.sqrt(np.mean(deficit * deficit))) for deficit in deficits[:2]) < CLOSE:
                 return
-            leans = [
-                map_rows(_per, self._patches.sums(own, self.stiffness, self._lean), total)
-                for own, total in zip(energies, sums, strict=True)
-            ]
-            self._add(*self._fitted(deficits, leans))
+            each = [map_rows(_per, own, total) for own, total in zip(leans, sums, strict=True)]
+            self._add(*self._fitted(deficits, each))
 
     def _fitted(self, deficits: Sequence[Floats], leans: Sequence[Floats]) -> tuple[Floats, Floats]:
         """Changes of even and lean that minimise the deficits: each changes by even + lean * ``leans``, shape [V]."""

@@ -102,7 +102,9 @@ class Curve:
         if self.turn:
             angle = self.turn * np.asarray(fractions)
             out, c, s = self.start - self.centre, np.cos(angle), np.sin(angle)
-            return self.centre + np.column_stack([c * out[0] - s * out[1], s * out[0] + c * out[1]])
+            turned = np.empty((len(angle), 2))
+            turned[:, 0], turned[:, 1] = c * out[0] - s * out[1], s * out[0] + c * out[1]
+            return self.centre + turned
         return _at(self._polynomial, self._parameters(fractions))
 
     def bends(self, fractions: Floats) -> Floats:
@@ -184,14 +186,16 @@ def _cross(a: Floats, b: Floats) -> float:
 
 def _at(polynomial: Floats, t: Floats) -> Floats:
     """Values of a polynomial in the plane, coefficients by rising powers, shape [k, 2], by Horner's rule; [N, 2]."""
-    return np.column_stack([_along(polynomial[:, axis], t) for axis in range(2)])
+    values = np.empty((len(t), 2))
+    values[:, 0], values[:, 1] = (_along(polynomial[:, axis], t) for axis in range(2))
+    return values
 
 
 def _along(coefficients: Floats, t: Floats) -> Floats:
-    value = np.full(t.shape, coefficients[-1])
-    for coefficient in coefficients[-2::-1]:
+    value = coefficients[-1]
+    for coefficient in coefficients[-2::-1].tolist():
         value = value * t + coefficient
-    return value
+    return np.asarray(value)
 
 
 def _derived(polynomial: Floats) -> Floats:

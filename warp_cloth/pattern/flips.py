@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.delaunay import next_of
 from warp_cloth.pattern.lattice import tree_of
 
 Ints = NDArray[np.int64]
@@ -31,7 +32,7 @@ def flipped(points: Floats, triangles: Ints, touched: NDArray[np.bool_] | None =
         one, other = active[one], active[other]
         p, q = triangles[one, (corner + 2) % 3], triangles[other, (mate + 2) % 3]
         a, b = triangles[one, corner], triangles[one, (corner + 1) % 3]
-        better = np.flatnonzero(_excess(points, a, b, p, q) > BEYOND)
+        better = _not_delaunay(points, a, b, p, q)
         if not len(better):
             break
         first = np.full(len(triangles), len(better), dtype=np.int64)
@@ -96,7 +97,7 @@ def _area(a: Floats, b: Floats, c: Floats) -> Floats:
 
 def _pairs(triangles: Ints) -> tuple[Ints, Ints, Ints, Ints]:
     """Triangles on either side of each inner edge, and the corner of each that the edge begins at."""
-    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    start, end = triangles.ravel(), next_of(triangles).ravel()
     key = np.minimum(start, end) << 32 | np.maximum(start, end)
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(key[order][1:] == key[order][:-1])
@@ -104,10 +105,12 @@ def _pairs(triangles: Ints) -> tuple[Ints, Ints, Ints, Ints]:
     return one // 3, other // 3, one % 3, other % 3
 
 
-def _excess(points: Floats, a: Ints, b: Ints, p: Ints, q: Ints) -> Floats:
-    """Minus the sine of the sum of the angles at p and q over an edge a-b: positive where it is not Delaunay."""
-    to = [points[end] - points[tip] for tip in (p, q) for end in (a, b)]
+def _not_delaunay(points: Floats, a: Ints, b: Ints, p: Ints, q: Ints) -> Ints:
+    """Which edges a-b are not Delaunay: the angles at p and q over them are more than half a turn together."""
+    to = [points.take(end, axis=0) - points.take(tip, axis=0) for tip in (p, q) for end in (a, b)]
     dots = [u[:, 0] * v[:, 0] + u[:, 1] * v[:, 1] for u, v in (to[:2], to[2:])]
     crosses = [u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] for u, v in (to[:2], to[3:1:-1])]
-    size = np.hypot(dots[0], crosses[0]) * np.hypot(dots[1], crosses[1])
-    return np.asarray(-(crosses[0] * dots[1] + dots[0] * crosses[1]) / np.maximum(size, 1e-300))
+    excess = -(crosses[0] * dots[1] + dots[0] * crosses[1])  # minus the sine of their sum, times lengths
+    maybe = np.flatnonzero(excess > 0.0)
+    sizes = [np.hypot(dot[maybe], cross[maybe]) for dot, cross in zip(dots, crosses, strict=True)]
+    return maybe[excess[maybe] / np.maximum(sizes[0] * sizes[1], 1e-300) > BEYOND]

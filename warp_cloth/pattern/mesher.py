@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_cloth.base.row_sums import RowSums
+from warp_cloth.base.topology import ragged_rows
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.delaunay import FLAT, Ints, OutlineError, doubled_areas, triangulated
+from warp_cloth.pattern.delaunay import Ints, OutlineError, corners_of, doubled_areas, flat_ones, next_of, triangulated
 from warp_cloth.pattern.flips import flipped, inserted
 from warp_cloth.pattern.lattice import CLEARANCE, GRADED, Rim, jittered, lattice, spacing_at, tree_of
 
@@ -87,10 +89,9 @@ def meshed(
     points = _smoothed(points, triangles, len(rim))
     triangles = flipped(points, triangles)
     points = _improved(points, triangles, len(rim))
-    edges = np.roll(points[triangles], -1, axis=1) - points[triangles]
-    flat = triangles[doubled_areas(points, triangles) <= FLAT * (edges**2).sum(axis=2).max(axis=1)]
+    flat, _ = flat_ones(points, triangles)
     if len(flat):  # a place where two sides all but touch
-        raise OutlineError(*(int(vertex) for vertex in flat[0] if vertex < len(rim)))
+        raise OutlineError(*(int(vertex) for vertex in triangles[flat[0]] if vertex < len(rim)))
     return Flat(points, triangles, panel, sheet.origins)
 
 
@@ -143,15 +144,26 @@ def _seeds(sheet: _Sheet, panels: int) -> tuple[Floats, Ints]:
 def angles_of(points: Floats, triangles: Ints) -> Floats:
     """The angles of triangles [degrees], shape [F, 3]."""
     corner = points[triangles]
-    out, back = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
+    out, back = corner[:, [1, 2, 0]] - corner, corner[:, [2, 0, 1]] - corner
     sine = out[..., 0] * back[..., 1] - out[..., 1] * back[..., 0]
     return np.asarray(np.degrees(np.arctan2(np.abs(sine), (out * back).sum(axis=2))))
 
 
+def _sharp(points: Floats, triangles: Ints, degrees: float) -> Ints:
+    """Triangles with an angle below so many degrees; most are told by their sides, without an arc tangent."""
+    x, y = corners_of(points, triangles)
+    aside, up = x[[1, 2, 0]] - x, y[[1, 2, 0]] - y
+    square = aside * aside + up * up
+    across = np.abs(aside[0] * up[1] - aside[1] * up[0])
+    _, middle, high = np.sort(square, axis=0)
+    maybe = np.flatnonzero(across * across <= (np.sin(np.radians(degrees)) ** 2 + 1e-6) * middle * high)
+    return maybe[angles_of(points, triangles[maybe]).min(axis=1) < degrees]
+
+
 def _refined(sheet: _Sheet, points: Floats, triangles: Ints, panel: Ints) -> tuple[Floats, Ints]:
     """Vertices that split triangles which are too large or have too small an angle, and their panels."""
-    x, y = points[:, 0][triangles.T], points[:, 1][triangles.T]  # one corner after another: shape [3, F]
-    aside, up = np.roll(x, -1, axis=0) - x, np.roll(y, -1, axis=0) - y
+    x, y = corners_of(points, triangles)
+    aside, up = x[[1, 2, 0]] - x, y[[1, 2, 0]] - y
     length = np.hypot(aside, up)
     area = aside[0] * (y[2] - y[0]) - up[0] * (x[2] - x[0])
     shortest = np.minimum(np.minimum(length[0], length[1]), length[2])
@@ -200,14 +212,13 @@ def _apart(spots: Floats, clear: Floats) -> Ints:
 
 def _smoothed(points: Floats, triangles: Ints, rim: int) -> Floats:
     """Inner vertices moved to the mean of their neighbours, round by round, where no triangle turns over."""
-    one, other = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     count = len(points)
-    degree = np.maximum(np.bincount(one, minlength=count), 1).astype(float)
+    neighbours = RowSums(triangles.ravel(), next_of(triangles).ravel(), count)
+    degree = np.maximum(np.bincount(triangles.ravel(), minlength=count), 1).astype(float)[rim:, None]
     smooth = points.copy()
     for _ in range(SMOOTHING_ROUNDS):
         before = smooth.copy()
-        for axis in range(2):
-            smooth[rim:, axis] = (np.bincount(one, before[other, axis], count) / degree)[rim:]
+        smooth[rim:] = neighbours(before)[rim:] / degree
         for _ in range(3):
             turned = triangles[doubled_areas(smooth, triangles) <= 0.0].ravel()
             if not len(turned):
@@ -220,17 +231,15 @@ def _smoothed(points: Floats, triangles: Ints, rim: int) -> Floats:
 
 def _improved(points: Floats, triangles: Ints, rim: int) -> Floats:
     """Inner vertices of triangles with small angles moved to where the smallest angle about them is largest."""
-    least = angles_of(points, triangles).min(axis=1)
-    vertices = np.unique(triangles[least < IMPROVED])
+    vertices = np.unique(triangles[_sharp(points, triangles, IMPROVED)])
     vertices = vertices[vertices >= rim]
     if not len(vertices):
         return points
     points = points.copy()
-    order = np.argsort(triangles.ravel(), kind="stable")
-    ranked = triangles.ravel()[order]
-    first, last = (np.searchsorted(ranked, vertices, side=side) for side in ("left", "right"))
+    starts, order = ragged_rows(triangles.ravel(), len(points))
+    first, last = starts[vertices].tolist(), starts[vertices + 1].tolist()
     for _ in range(SWEEPS):
-        for vertex, begin, end in zip(vertices.tolist(), first.tolist(), last.tolist(), strict=True):
+        for vertex, begin, end in zip(vertices.tolist(), first, last, strict=True):
             star = order[begin:end]
             around = triangles[star // 3]
             turn = (star % 3)[:, None] + np.arange(3)

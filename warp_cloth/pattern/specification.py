@@ -115,7 +115,7 @@ class Pattern:
 
 def short(text: str) -> str:
     """A name as messages show it."""
-    shown = "".join(c if c.isprintable() else "?" for c in text)
+    shown = text if text.isprintable() else "".join(c if c.isprintable() else "?" for c in text)
     return shown if len(shown) <= 40 else shown[:37] + "..."
 
 
