@@ -20,6 +20,7 @@ LARGE = 0.75  # of the spacing: circumradius above which a triangle is split; eq
 SMALL_ANGLE = 27.0  # [degrees] below which a triangle is split
 IMPROVED = 26.5  # [degrees] below which a triangle's inner vertices are moved by themselves
 SWEEPS = 3
+LEAST_ANGLE = 25.0  # [degrees] below which triangles between outlines get a vertex inside
 # Places tried for such a vertex, in lengths of its shortest edge
 _TRIED = np.array(
     [(0.0, 0.0)] + [(r * np.cos(a), r * np.sin(a)) for r in (0.06, 0.18, 0.4) for a in np.arange(8) * np.pi / 4]
@@ -89,6 +90,7 @@ def meshed(
     points = _smoothed(points, triangles, len(rim))
     triangles = flipped(points, triangles)
     points = _improved(points, triangles, len(rim))
+    points, triangles, panel = _mended(sheet, points, triangles, panel)
     flat, _ = flat_ones(points, triangles)
     if len(flat):  # a place where two sides all but touch
         raise OutlineError(*(int(vertex) for vertex in triangles[flat[0]] if vertex < len(rim)))
@@ -249,6 +251,41 @@ def _improved(points: Floats, triangles: Ints, rim: int) -> Floats:
             tried = points[vertex] + reach * _TRIED
             points[vertex] = tried[_least_angles(tried, b, c).argmax()]
     return points
+
+
+def _mended(sheet: _Sheet, points: Floats, triangles: Ints, panel: Ints) -> tuple[Floats, Ints, Ints]:
+    """Points, triangles and panels, with a vertex more in each sharp triangle between outlines that it does good.
+
+    In a corner of some 30 degrees vertices of both edges are opposite each other, at distances that grow too fast; as
+    seams have them there, only a vertex nearer to the edges than others may be helps.
+    """
+    rim, count = len(sheet.rim.points), len(points)
+    sharp = _sharp(points, triangles, LEAST_ANGLE)
+    sharp = sharp[(triangles[sharp] < rim).all(axis=1)]
+    spots, of = _circumcentres(points, triangles[sharp]), panel[triangles[sharp, 0]]
+    good = np.flatnonzero(sheet.rim.holds(spots, of)) if len(spots) else sharp
+    while len(good):
+        spots, of = spots[good], of[good]
+        added = np.concatenate([points, spots])
+        made = inserted(added, triangles, count)
+        if made is None:
+            break
+        least = np.full(len(added), 180.0)
+        np.minimum.at(least, made, angles_of(added, made).min(axis=1)[:, None])
+        good = np.flatnonzero(least[count:] >= LEAST_ANGLE)
+        if len(good) == len(spots):
+            return added, made, np.concatenate([panel, of])
+    return points, triangles, panel
+
+
+def _circumcentres(points: Floats, triangles: Ints) -> Floats:
+    """Centres of the circles through triangles' corners [m], shape [F, 2]."""
+    a = points[triangles[:, 0]]
+    b, c = points[triangles[:, 1]] - a, points[triangles[:, 2]] - a
+    across = 2.0 * (b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0])
+    bb, cc = (b**2).sum(axis=1), (c**2).sum(axis=1)
+    x, y = c[:, 1] * bb - b[:, 1] * cc, b[:, 0] * cc - c[:, 0] * bb
+    return np.asarray(a + np.column_stack([x, y]) / np.maximum(across, 1e-300)[:, None])
 
 
 def _least_angles(tips: Floats, b: Floats, c: Floats) -> Floats:
