@@ -61,5 +61,5 @@ def test_the_page_lists_problems_with_what_to_change(report: dict[str, Any], tmp
     entry = FitProblem(ProblemCode.SEAM_OPEN, 'A seam of "square" is <open>.', "Free it.", "square").as_json()
     text = page_of({**deepcopy(report), "worn": False, "problems": [entry]}, tmp_path)
     assert ">not worn<" in text
-    for words in ("<code>seam_open</code>", "A seam of &#34;square&#34; is &lt;open&gt;.", "Free it."):
+    for words in ("<b>seam open</b>", "A seam of &#34;square&#34; is &lt;open&gt;.", "Free it."):
         assert words in text

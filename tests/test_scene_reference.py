@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from warp_cloth.scene.reference import key_table
+from warp_cloth.scene.reference import key_lines, key_table
 
 FOLDER = Path(__file__).parent.parent / "scenes"
 HEAD = """# Scene keys
@@ -18,6 +18,12 @@ LARGEST = 9_000  # [bytes] of a page that is read to its end
 def test_the_page_of_keys_is_as_the_schema_has_it() -> None:
     text = (FOLDER / "keys.md").read_text(encoding="utf-8")
     assert text == HEAD + key_table() + "\n", f"run python tests/{Path(__file__).name}"
+
+
+def test_a_terminal_shows_the_keys_that_a_word_is_in() -> None:
+    assert key_lines("solver.tolerance_mm")[0].startswith("solver.tolerance_mm = ")
+    assert len(key_lines()) == 2 * (len(key_table().splitlines()) - 2)
+    assert key_lines("no such key") == []
 
 
 def test_the_pages_are_short() -> None:

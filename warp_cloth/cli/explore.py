@@ -18,22 +18,46 @@ from warp_cloth.cli.terminal import NOT_WORN, can_plot, one_line_errors, output_
 from warp_cloth.report.rows import note_rows, wrote_rows
 
 
-def scenes() -> None:
-    """List the shipped scenes and fabrics."""
-    with one_line_errors():
+def scenes(
+    keys: Annotated[
+        str | None,
+        typer.Option(metavar="WORD", help="List keys of scene files instead: those that contain this word, or all."),
+    ] = None,
+) -> None:
+    """List the shipped scenes and fabrics, or the keys of a scene file.
+
+    \b
+    warp-cloth scenes
+    warp-cloth scenes --keys garment.shape
+    warp-cloth scenes --keys all
+    """
+    with one_line_errors("keys"):
+        if keys is not None:
+            _list_keys(keys)
+            return
         from warp_cloth.material.fabric import shipped_fabrics
         from warp_cloth.scene import describe_scene, shipped_scenes
 
         typer.echo("Scenes:")
         for name, path in shipped_scenes().items():
             typer.echo(f"  {name:<10} {describe_scene(path)}")
-        typer.echo("Fabrics:")
+        typer.echo("Fabrics (stretch and bending: along warp and weft):")
         for name, fabric in shipped_fabrics().items():
             typer.echo(
                 f"  {name:<10} {fabric.weight * 1e3:4.0f} g/m2  stretch {fabric.stretch_warp / 1e3:5.1f} and "
                 f"{fabric.stretch_weft / 1e3:5.1f} kN/m  bending {fabric.bending_warp:.1e} and "
                 f"{fabric.bending_weft:.1e} N m2  thickness {fabric.thickness * 1e3:.2f} mm"
             )
+
+
+def _list_keys(wanted: str) -> None:
+    """Prints the keys that contain a word; "all": every one."""
+    from warp_cloth.scene.reference import key_lines
+
+    lines = key_lines("" if wanted == "all" else wanted)
+    if not lines:
+        raise InputError("keys", f'no key contains "{wanted}"', "see all of them: --keys all")
+    typer.echo("\n".join(lines))
 
 
 def pattern(

@@ -49,7 +49,9 @@ EarlierResult = Annotated[
 ]
 LetDown = Annotated[
     bool,
-    typer.Option("--band", help="Also let garments with friction down from the hang: the other end of their band."),
+    typer.Option(
+        "--band", help="Fit twice, the second time let down from above: friction can hold cloth anywhere between."
+    ),
 ]
 
 

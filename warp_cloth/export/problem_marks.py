@@ -1,4 +1,4 @@
-"""Marks where the problems of a fit are: their vertices painted on the garments, a ring and the code next to one."""
+"""Marks where the problems of a fit are: their vertices painted on the garments, a ring and its words next to one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from warp_cloth.model.result import WornGarment
 
 MARK = (0.86, 0.12, 0.10)  # sRGB of what is concerned
 RING = (190, 20, 16)  # sRGB bytes
-HALO = (255, 255, 255)  # round the codes, which may stand on cloth that is painted
+HALO = (255, 255, 255)  # round the words, which may stand on cloth that is painted
 MOST_MARKED = 4  # problems with a ring; more would hide the garment
 
 
@@ -42,14 +42,14 @@ def marked_subject(subject: Subject, garments: Sequence[WornGarment], problems: 
 
 
 def places_of(garments: Sequence[WornGarment], problems: Sequence[FitProblem]) -> list[tuple[str, NDArray[np.float64]]]:
-    """Codes of problems, each with a vertex in the midst of those that it concerns [m]; the first few."""
+    """What each problem is called, with a vertex in the midst of those that it concerns [m]; the first few."""
     places = []
     for problem in problems:
         for garment in garments:
             points = garment.points[concerned(problem, garment)]
             if len(points):
                 middle = np.median(points, axis=0)
-                places.append((problem.code.value, points[np.argmin(((points - middle) ** 2).sum(axis=1))]))
+                places.append((problem.code.words, points[np.argmin(((points - middle) ** 2).sum(axis=1))]))
     return places[:MOST_MARKED]
 
 
@@ -62,7 +62,7 @@ def draw_rings(
     places: Sequence[tuple[str, NDArray[np.float64]]],
     height: int,
 ) -> None:
-    """Draws a ring around each place in a view, and its code next to it.
+    """Draws a ring around each place in a view, and its words next to it.
 
     Args:
         image: the picture.
@@ -70,20 +70,20 @@ def draw_rings(
         toward: unit vector from the scene to the viewer.
         centre: what is in the middle of the view [m], shape [3].
         pixel: size of a pixel [m].
-        places: codes and points [m].
+        places: words and points [m].
         height: of the text [px].
     """
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(height)
     (right, up), (left, top, width, depth) = view_axes(toward), window
     taken: list[float] = []
-    for code, place in places:
+    for words, place in places:
         x = left + width / 2 + float((place - centre) @ right) / pixel
         y = top + depth / 2 - float((place - centre) @ up) / pixel
         draw.ellipse((x - height, y - height, x + height, y + height), outline=RING, width=max(height // 8, 2))
         line = y
-        while any(abs(line - other) < height for other in taken):  # below a code that stands there
+        while any(abs(line - other) < height for other in taken):  # below words that stand there
             line += height
         taken.append(line)
-        fits = x + 1.5 * height + font.getlength(code) < left + width
+        fits = x + 1.5 * height + font.getlength(words) < left + width
         beside, anchor = x + (1.5 if fits else -1.5) * height, "lm" if fits else "rm"
-        draw.text((beside, line), code, RING, font, anchor, stroke_width=max(height // 8, 2), stroke_fill=HALO)
+        draw.text((beside, line), words, RING, font, anchor, stroke_width=max(height // 8, 2), stroke_fill=HALO)

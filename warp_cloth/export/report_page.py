@@ -105,10 +105,10 @@ def certificate_rows(report: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def strain_rows(report: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Median, 99th percentile and maximum of strains, in per cent of the length at rest."""
+    """Median, 99th percentile and maximum of strains, in per cent of the length as cut."""
     strain = report["strain"]
     yarns = [(f"along the {name}", strain[name]) for name in ("warp", "weft", "bias") if name in strain]
     return [
         (name, *(percent(values[key]) if math.isfinite(values[key]) else "unknown" for key in ("p50", "p99", "max")))
-        for name, values in (("edges", strain), *yarns)
+        for name, values in (("in all directions", strain), *yarns)
     ]

@@ -31,6 +31,11 @@ class ProblemCode(str, Enum):
     VIEWS_INSUFFICIENT = "views_insufficient"
 
     @property
+    def words(self) -> str:
+        """As people read it on pictures and pages."""
+        return self.value.replace("_", " ")
+
+    @property
     def is_note(self) -> bool:
         """Whether a garment can be worn in spite of it."""
         return self in NOTES

@@ -13,8 +13,8 @@ from warp_cloth.base.toml_file import toml_text
 FILES = ("mesh", "pattern")  # keys of files that a table begins with
 HEAD = """\
 # {name}, fitted on {body}:    warp-cloth fit {file}
-# Lengths are in metres, y is up, the body faces +z. `warp-cloth plan {file}` shows what is computed; every key:
-# scenes/keys.md in the sources of warp_cloth. Lines that begin with # are defaults and examples.
+# Lengths are in metres, y is up, the body faces +z. `warp-cloth plan {file}` shows what is computed,
+# `warp-cloth scenes --keys all` every key. Lines that begin with # are defaults and examples.
 """
 GARMENT = """\
 # fabric = {name = "jersey", weight = 0.2}  # a fabric of `warp-cloth scenes`, but of 200 g/m2; or "measured.toml"

@@ -33,6 +33,17 @@ TABLES: tuple[tuple[str, type[BaseModel]], ...] = (
 )
 
 
+def key_lines(wanted: str = "") -> list[str]:
+    """Keys whose name contains ``wanted``, as a terminal shows them: values and default, below them the meaning."""
+    lines = []
+    for row in key_table().splitlines()[2:]:
+        key, values, default, meaning = (cell.strip().replace("`", "") for cell in row.strip("|").split("|"))
+        if wanted in key:
+            lines += [" = ".join(filter(None, (key, values))) + f"  [default: {default}]" * bool(default)]
+            lines += [f"    {meaning}"]
+    return lines
+
+
 def key_table() -> str:
     """Every key of a scene file with its values, default and meaning, as one Markdown table."""
     rows = [f"| `name` | string | | {Scene.model_fields['name'].description} |"]

@@ -37,7 +37,7 @@ def verdict_html(result: FitResult | None, note: str) -> str:
     )
     lines = [f"<div>ease: {escape(line)}</div>" for line in ease_lines(result.report)]
     lines += [
-        f"<div><b>{escape(each.code.value.replace('_', ' '))}</b>: {escape(each.message)} {escape(each.remedy)}</div>"
+        f"<div><b>{escape(each.code.words)}</b>: {escape(each.message)} {escape(each.remedy)}</div>"
         for each in result.problems
     ]
     return _block(f'{head}{"".join(lines)}<div style="color:#777">{escape(note)}</div>')
