@@ -21,7 +21,7 @@ from quick import SMALL, hanging, quick
 import warp_cloth
 from warp_cloth.base.clock import STAGES
 from warp_cloth.base.errors import InputError
-from warp_cloth.export import preview
+from warp_cloth.export import save
 from warp_cloth.fitting.fit import Fit, Progress
 from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
@@ -37,10 +37,7 @@ def opened(path: Path, scene: str, part: str) -> tuple[Usd.Stage, UsdGeom.Mesh]:
 def no_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     """Drawing takes most of the time of a small fit; tests that are not about the picture leave it out."""
 
-    def write_nothing(path: Path, **_: Any) -> None:
-        path.touch()
-
-    monkeypatch.setattr(preview, "write_preview", write_nothing)
+    monkeypatch.setattr(save, "write_preview", lambda path, _: path.touch())
 
 
 @pytest.fixture(scope="module")
@@ -255,7 +252,7 @@ def test_an_older_report_does_not_stand_for_what_a_killed_run_leaves(
     def killed(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("warp_cloth.export.preview.write_preview", killed)
+    monkeypatch.setattr("warp_cloth.export.save.write_preview", killed)
     with pytest.raises(KeyboardInterrupt):
         saved[0].save(tmp_path)
     assert not (tmp_path / "report.json").exists()

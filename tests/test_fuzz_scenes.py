@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.cli.main import app
-from warp_cloth.export import preview, stage
+from warp_cloth.export import save, stage
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import BOUNDS, Fabric, resolve_fabric
 from warp_cloth.material.laboratory import KEYS as LABORATORY
@@ -101,8 +101,8 @@ def place() -> Iterator[Path]:
         write_obj(folder / "ball.obj", *ball())
         (folder / "denim.toml").write_text(FABRIC)
         patch.chdir(folder)
-        for module, name in ((preview, "write_preview"), (stage, "write_stage")):  # which take most of the time
-            patch.setattr(module, name, lambda path, **_: path.touch())
+        for module, name in ((save, "write_preview"), (stage, "write_stage")):  # which take most of the time
+            patch.setattr(module, name, lambda path, *_, **__: path.touch())
         yield folder
 
 

@@ -16,7 +16,7 @@ from meshfiles import WRITERS, ball, sheet, write_obj
 from typer.testing import CliRunner, Result
 
 from warp_cloth.cli.main import app
-from warp_cloth.export import preview
+from warp_cloth.export import save
 
 STAGES = ("loading", "building", "compiling", "relaxing", "writing")
 
@@ -25,7 +25,7 @@ STAGES = ("loading", "building", "compiling", "relaxing", "writing")
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of its own with a sound garment and a sound avatar; no pictures, which take most of the time."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(preview, "write_preview", lambda path, **_: path.touch())
+    monkeypatch.setattr(save, "write_preview", lambda path, _: path.touch())
     write_obj(tmp_path / "sheet.obj", *sheet())
     write_obj(tmp_path / "ball.obj", *ball())
     return tmp_path

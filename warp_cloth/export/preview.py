@@ -65,28 +65,6 @@ class Layout:
     pixel: float  # size of a pixel [m]
 
 
-def write_preview(
-    path: Path,
-    *,
-    garments: Sequence[WornGarment],
-    avatar: Mesh | None,
-    device: str = "cpu",
-    size: tuple[int, int] = (1500, 900),
-    head: Head | None = None,
-    problems: Sequence[FitProblem] = (),
-    placed: bool = False,
-) -> None:
-    """Writes a PNG; arguments as in ``preview_image``.
-
-    Raises:
-        ValueError: a point is not finite.
-    """
-    image = preview_image(
-        garments=garments, avatar=avatar, device=device, size=size, head=head, problems=problems, placed=placed
-    )
-    save_picture(image, path)
-
-
 def preview_image(
     *,
     garments: Sequence[WornGarment],

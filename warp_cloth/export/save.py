@@ -7,10 +7,12 @@ from pathlib import Path
 
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.threads import one_thread_at_a_time
-from warp_cloth.export import preview, stage
+from warp_cloth.export import stage
 from warp_cloth.export.formats import check_inputs_kept
 from warp_cloth.export.map_picture import ON_PANELS, MapPictures
 from warp_cloth.export.override import StagedGarment, write_override
+from warp_cloth.export.picture_head import Head
+from warp_cloth.export.preview import preview_image, save_picture
 from warp_cloth.export.reference import AvatarAsset
 from warp_cloth.export.report import check_writable, result_paths, write_map, write_report
 from warp_cloth.export.report_page import write_report_page
@@ -23,6 +25,20 @@ from warp_cloth.scene import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES
 
 PICTURE_SIZE = (1800, 900)  # [px]
+
+
+def write_preview(path: Path, fit: FitResult) -> None:
+    """Writes a PNG of the garments as placed and as worn."""
+    image = preview_image(
+        garments=fit.garments,
+        avatar=fit.avatar,
+        device=fit.device,
+        head=head_of(fit),
+        problems=[problem for problem in fit.problems if not problem.code.is_note],
+        size=PICTURE_SIZE,
+        placed=True,
+    )
+    save_picture(image, path)
 
 
 @one_thread_at_a_time
@@ -40,16 +56,7 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
     ranges = fit.maps.ranges if fit.maps is not None else {}
     paths = write_meshes(fit, folder, colour=colour, formats=formats)
     clock.lap("export")
-    preview.write_preview(
-        picture,
-        garments=fit.garments,
-        avatar=fit.avatar,
-        device=fit.device,
-        head=head_of(fit),
-        problems=[problem for problem in fit.problems if not problem.code.is_note],
-        size=PICTURE_SIZE,
-        placed=True,
-    )
+    write_preview(picture, fit)
     paths += [picture, report]
     for name in set(MAPS) - set(ranges):  # of an earlier run: they would be taken for this one's
         for ending in (".png", f"{ON_PANELS}.png", f"{ON_PANELS}.svg"):
@@ -76,9 +83,9 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
     return paths
 
 
-def head_of(fit: FitResult) -> preview.Head:
+def head_of(fit: FitResult) -> Head:
     """What the picture of a fit says above it."""
-    return preview.Head(fit.scene.name, shown_verdict(fit.report), ease_lines(fit.report), fit.message)
+    return Head(fit.scene.name, shown_verdict(fit.report), ease_lines(fit.report), fit.message)
 
 
 def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
