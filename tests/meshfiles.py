@@ -71,8 +71,8 @@ def write_stl(path: Path, points: np.ndarray, faces: Faces) -> None:
     path.write_bytes(bytes(80) + struct.pack("<I", len(faces)) + records.tobytes())
 
 
-def write_glb(path: Path, points: np.ndarray, faces: Faces) -> None:
-    """One primitive of triangles, float32 and uint32."""
+def gltf_of(points: np.ndarray, faces: Faces) -> tuple[dict, bytes]:
+    """One primitive of triangles as glTF, float32 and uint32, and its buffer."""
     place = np.asarray(points, dtype="<f4").tobytes()
     corners = np.asarray(faces).astype("<u4").tobytes()
     tree = {
@@ -91,11 +91,19 @@ def write_glb(path: Path, points: np.ndarray, faces: Faces) -> None:
             {"bufferView": 1, "componentType": 5125, "count": len(corners) // 4, "type": "SCALAR"},
         ],
     }
+    return tree, place + corners
+
+
+def glb(tree: dict, body: bytes) -> bytes:
+    """A binary file of a glTF and its buffer."""
     text = json.dumps(tree).encode()
     text += b" " * (-len(text) % 4)
-    body = place + corners
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def write_glb(path: Path, points: np.ndarray, faces: Faces) -> None:
+    path.write_bytes(glb(*gltf_of(points, faces)))
 
 
 def write_usd(path: Path, points: np.ndarray, faces: Faces, texcoords: ArrayLike | None = None) -> None:

@@ -16,10 +16,10 @@ from warp_cloth.garment.rest import RestShape
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.elements.stiffness import stiffness_kernels, stiffness_types
-from warp_cloth.model.model import build_model
+from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.solver.certificate.strains import element_energies
 from warp_cloth.solver.forces import ForcePass
-from warp_cloth.solver.implicit.vertex_pairs import build_pairs
+from warp_cloth.solver.implicit.vertex_pairs import PairTable, build_pairs
 
 UNBALANCED = 3e-4  # vertex weights, rms; of the small garments here within 3 micrometres of ten times less
 
@@ -132,13 +132,11 @@ def _two_loops(kept: list[tuple[np.ndarray, np.ndarray]], slope: np.ndarray, sol
     return np.asarray(r)
 
 
-def _factorised(potential: Potential) -> Callable[[np.ndarray], np.ndarray]:
-    """Solves with the linearised forces of the shape that the potential was asked for last."""
-    model = potential.model
+def couplings(model: ClothModel) -> tuple[PairTable, np.ndarray]:
+    """Pairs of a model's vertices, and the 3 x 3 blocks of its linearised forces by rows of these [N/m]."""
     table = build_pairs(model)
-    kernels, types = stiffness_kernels("float64", model.terms), cloth_types("float64")
-    own = stiffness_types("float64")
-    gradient = wp.zeros((4, model.hinge_count), dtype=types.vec3, device="cpu")
+    kernels, own = stiffness_kernels(model.precision, model.terms), stiffness_types(model.precision)
+    gradient = wp.zeros((4, model.hinge_count), dtype=cloth_types(model.precision).vec3, device="cpu")
     side = wp.zeros((3, model.weave_count), dtype=own.vec6, device="cpu")
     count = len(table.ends)
     coupling = wp.zeros(2 * count, dtype=own.mat3, device="cpu")
@@ -149,8 +147,14 @@ def _factorised(potential: Potential) -> Callable[[np.ndarray], np.ndarray]:
         wp.launch(kernels.linearise_weave, model.weave_count, [model.state, model.weave, 0.0, side], device="cpu")
     arguments = [model.state, model.edges, table.pairs, 0.0, gradient, side, coupling, pair]
     wp.launch(kernels.couple_pairs, count, arguments, device="cpu")
+    return table, coupling.numpy()
+
+
+def _factorised(potential: Potential) -> Callable[[np.ndarray], np.ndarray]:
+    """Solves with the linearised forces of the shape that the potential was asked for last."""
+    model = potential.model
+    table, blocks = couplings(model)
     start, other = table.start.numpy(), table.neighbour.numpy()
-    blocks = coupling.numpy()
     vertices = model.vertex_count
     row = np.repeat(np.arange(vertices), np.diff(start))
     diagonal = np.zeros((vertices, 3, 3))

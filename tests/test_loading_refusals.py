@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from meshfiles import sheet, write_ply
+from meshfiles import glb, gltf_of, sheet, write_ply
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.loading import load_mesh
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 FIN = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n"
+TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), [[0, 1, 2]]
 PLY_HEAD = (
     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
@@ -162,38 +163,9 @@ def binary_stl(corners: np.ndarray) -> bytes:
     return bytes(80) + struct.pack("<I", len(corners)) + records.tobytes()
 
 
-def glb(tree: dict, body: bytes) -> bytes:
-    text = json.dumps(tree).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-
-def triangle_tree() -> tuple[dict, bytes]:
-    """One triangle as glTF, and its buffer."""
-    body = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4").tobytes() + np.array([0, 1, 2], "<u4").tobytes()
-    tree = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
-        "buffers": [{"byteLength": len(body)}],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": 36},
-            {"buffer": 0, "byteOffset": 36, "byteLength": 12},
-        ],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"},
-        ],
-    }
-    return tree, body
-
-
 @pytest.mark.parametrize("share", [0.0001, 0.01, 0.1, 0.3, 0.6, 0.9, 0.999])
 def test_truncated_glb_is_refused(tmp_path: Path, share: float) -> None:
-    whole = glb(*triangle_tree())
+    whole = glb(*gltf_of(*TRIANGLE))
     path = tmp_path / "cut.glb"
     path.write_bytes(whole)
     assert load_mesh(path, role="garment", key="garment").triangle_count == 1
@@ -215,7 +187,7 @@ def test_truncated_glb_is_refused(tmp_path: Path, share: float) -> None:
     ],
 )
 def test_gltf_that_would_be_misread_is_refused(tmp_path: Path, change: object, words: str) -> None:
-    tree, body = triangle_tree()
+    tree, body = gltf_of(*TRIANGLE)
     change(tree)  # type: ignore[operator]
     path = tmp_path / "odd.glb"
     path.write_bytes(glb(tree, body))
@@ -224,7 +196,7 @@ def test_gltf_that_would_be_misread_is_refused(tmp_path: Path, change: object, w
 
 @pytest.mark.parametrize("scenes", [None, [{"nodes": [1]}]])
 def test_gltf_without_scenes_means_all_its_nodes(tmp_path: Path, scenes: list | None) -> None:
-    tree, body = triangle_tree()
+    tree, body = gltf_of(*TRIANGLE)
     del tree["scene"], tree["scenes"]
     tree["nodes"] = [{"mesh": 0}, {"children": [0], "translation": [0.0, 2.0, 0.0]}]
     if scenes:
@@ -236,7 +208,7 @@ def test_gltf_without_scenes_means_all_its_nodes(tmp_path: Path, scenes: list | 
 
 @pytest.mark.parametrize("moved", ["skin", "morph"])
 def test_gltf_that_is_posed_or_shaped_is_told_of(tmp_path: Path, moved: str) -> None:
-    tree, body = triangle_tree()
+    tree, body = gltf_of(*TRIANGLE)
     if moved == "skin":
         tree["skins"] = [{"joints": [0]}]
         tree["nodes"][0]["skin"] = 0
@@ -248,7 +220,7 @@ def test_gltf_that_is_posed_or_shaped_is_told_of(tmp_path: Path, moved: str) -> 
 
 
 def test_gltf_index_out_of_range_and_wild_vertex_are_named(tmp_path: Path) -> None:
-    tree, body = triangle_tree()
+    tree, body = gltf_of(*TRIANGLE)
     path = tmp_path / "bad.glb"
     path.write_bytes(glb(tree, body[:36] + np.array([0, 1, 7], "<u4").tobytes()))
     assert "vertex 7, but there are only 3" in refusal(path).problem

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import warp as wp
 from cloths import cloth_forces, deformed_model, grid, model_of, slopes, without
+from reference import couplings
 
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.kernels.elements.stiffness import stiffness_kernels, stiffness_types
+from warp_cloth.kernels.elements.stiffness import stiffness_types
 from warp_cloth.kernels.implicit.coarse_levels import coarsen_anchors_kernel
 from warp_cloth.kernels.implicit.sparse import sparse_types
 from warp_cloth.kernels.passes.step import NoCollider
@@ -39,21 +40,9 @@ def stretched(share: float = 1.1) -> np.ndarray:
 
 def matrix_of(model: ClothModel) -> np.ndarray:
     """The couplings as one matrix, shape [3 V, 3 V]: what moving the vertices takes off the forces [N/m]."""
-    table = build_pairs(model)
-    own = stiffness_types(model.precision)
-    kernels = stiffness_kernels(model.precision, model.terms)
-    gradient = wp.zeros((4, model.hinge_count), dtype=wp.vec3d, device="cpu")
-    side = wp.zeros((3, model.weave_count), dtype=own.vec6, device="cpu")
-    coupling = wp.zeros(2 * len(table.ends), dtype=own.mat3, device="cpu")
-    pair = wp.zeros(len(table.ends), dtype=own.vec6, device="cpu")
-    if model.hinges is not None:
-        wp.launch(kernels.linearise_hinges, model.hinge_count, [model.state, model.hinges, gradient], device="cpu")
-    if model.weave is not None:
-        wp.launch(kernels.linearise_weave, model.weave_count, [model.state, model.weave, 0.0, side], device="cpu")
-    inputs = [model.state, model.edges, table.pairs, 0.0, gradient, side, coupling, pair]
-    wp.launch(kernels.couple_pairs, len(table.ends), inputs, device="cpu")
+    table, blocks = couplings(model)
     matrix = np.zeros((model.vertex_count, 3, model.vertex_count, 3))
-    start, other, blocks = table.start.numpy(), table.neighbour.numpy(), coupling.numpy()
+    start, other = table.start.numpy(), table.neighbour.numpy()
     for vertex in range(model.vertex_count):
         for row in range(start[vertex], start[vertex + 1]):
             matrix[vertex, :, other[row]] -= blocks[row]

@@ -36,6 +36,7 @@ from warp_cloth.cli.terminal import NOT_WORN
 FABRICS = ("cotton", "denim", "faille", "felt", "jersey", "linen", "polyester", "silk", "wool")
 GARMENTS = (("L", 20), ("S", 17), ("M", 14), ("L", 14), ("M", 12), ("L", 12), ("M", 10), ("L", 10), ("S", 9), ("M", 9),
             ("M", 8))  # size and edge [mm]  # fmt: skip
+LOADERS = 14  # processes that load a shard
 MEASURES = ("stature", "chest", "waist", "hip")
 BODIES = ((1.70, 0.92, 0.80, 0.96), (1.76, 0.98, 0.86, 1.00), (1.84, 1.06, 0.94, 1.06), (1.66, 1.04, 0.96, 1.08))
 # in turn for items that are otherwise alike
@@ -84,6 +85,21 @@ def jobs(count: int, coarsest: int, start: str = "placed") -> list[Row]:
         row |= {} if start == "placed" else {"solver.start": start}
         rows.append({**row, "avatar.friction": FRICTIONS[place // kinds % len(FRICTIONS)]})
     return rows
+
+
+def loaded(rows: Sequence[Row]) -> tuple[list[Any], Any]:
+    """The scenes of items that are begun to be loaded, and the cache that has them; before there is a device."""
+    from warp_cloth.batch.loading import LoadCache
+
+    load_cache = LoadCache(LOADERS, fork=True)  # before this process has threads and a device
+    from warp_cloth.scene import load_scene
+
+    scenes = [
+        load_scene(row["scene"], [f"{key}={value}" for key, value in row.items() if key not in ("name", "scene")])
+        for row in rows
+    ]
+    load_cache.begin(scenes, patches=True)
+    return scenes, load_cache
 
 
 def write_jobs(path: Path, rows: Sequence[Row]) -> Path:

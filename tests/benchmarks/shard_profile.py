@@ -22,7 +22,6 @@ from typing import Any
 import batch_rate
 import warp as wp
 
-LOADERS = 14  # processes that load
 SHOWN = 0.005  # of a stage's time; what takes less is left out
 PARTS: tuple[tuple[str, Callable[[int, float], bool]], ...] = (
     ("to 500 iterations", lambda iteration, _: iteration >= 500),
@@ -111,17 +110,8 @@ def main() -> None:
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--items", type=int, default=256)
     options = parser.parse_args()
-    from warp_cloth.batch.loading import LoadCache
-
-    load_cache = LoadCache(LOADERS, fork=True)  # before this process has threads and a device
-    from warp_cloth.scene import load_scene
-
     rows = batch_rate.jobs(max(options.items, 1024), len(batch_rate.GARMENTS), "dressed")[: options.items]
-    scenes = [
-        load_scene(row["scene"], [f"{key}={value}" for key, value in row.items() if key not in ("name", "scene")])
-        for row in rows
-    ]
-    load_cache.begin(scenes, patches=True)
+    scenes, load_cache = batch_rate.loaded(rows)
     from warp_cloth.batch import many
 
     for name in ("build_problem", "build_predrape", "start_predraped", "finish_fits"):

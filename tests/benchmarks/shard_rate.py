@@ -21,8 +21,6 @@ import numpy as np
 import warp as wp
 from measured import Figures, add_write_option
 
-LOADERS = 14  # processes that load
-
 
 class Watch:
     """Seconds of dressing and relaxing of what ``fit_many`` fits next."""
@@ -58,17 +56,8 @@ def main() -> int:
     parser.add_argument("--alone", type=int, default=8, metavar="N", help="so many of them one by one")
     add_write_option(parser)
     options = parser.parse_args()
-    from warp_cloth.batch.loading import LoadCache
-
-    load_cache = LoadCache(LOADERS, fork=True)  # before this process has threads and a device
-    from warp_cloth.scene import load_scene
-
     rows = batch_rate.jobs(options.items, len(batch_rate.GARMENTS), "dressed")
-    scenes = [
-        load_scene(row["scene"], [f"{key}={value}" for key, value in row.items() if key not in ("name", "scene")])
-        for row in rows
-    ]
-    load_cache.begin(scenes, patches=True)
+    scenes, load_cache = batch_rate.loaded(rows)
     from warp_cloth.base.cache import Cache
     from warp_cloth.batch import many
 
