@@ -174,6 +174,7 @@ def test_a_skirt_placed_above_the_waist_slides_from_the_waist(tmp_path: Path, ra
     placed = skirt.start + (float(skirt.skeleton.waist @ up) - top + raised) * up
     placed_there = replace(skirt, start=placed, followed=placed)
     assert placed_there.above_waist == pytest.approx(above, abs=1e-9)
+    assert placed_there.is_held_by_hips == (raised < 0.15)
     assert not placed_there.sunk(placed - 0.07 * up)
     assert placed_there.sunk(placed - (0.2 + above) * up)
 

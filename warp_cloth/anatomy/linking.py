@@ -170,12 +170,24 @@ class Wearing:
     @cached_property
     def above_waist(self) -> float:
         """How far above the waist is to start what hangs from there [m]; 0: it is not, or it hangs from the bust."""
-        if not self.hangs_from_waist:
-            return 0.0
-        skeleton, up = self.skeleton, self.skeleton.up
-        top = max(float(self.onto[opening.loop].mean(axis=0) @ up) for opening in self.openings)
-        above, trunk = top - float(skeleton.waist @ up), float((skeleton.shoulders - skeleton.waist) @ up)
-        return above if 0.0 < above < BUST * trunk else 0.0
+        above = self._top_over_waist
+        return max(above, 0.0) if self.hangs_from_waist and above < BUST * self._waist_to_shoulders else 0.0
+
+    @property
+    def is_held_by_hips(self) -> bool:
+        """Whether it is a skirt that does not begin at the bust."""
+        return self.is_skirt and self._top_over_waist < BUST * self._waist_to_shoulders
+
+    @property
+    def _top_over_waist(self) -> float:
+        """How far above the waist the highest opening is to start [m]."""
+        up = self.skeleton.up
+        top = max((float(self.onto[opening.loop].mean(axis=0) @ up) for opening in self.openings), default=0.0)
+        return top - float(self.skeleton.waist @ up)
+
+    @property
+    def _waist_to_shoulders(self) -> float:
+        return float((self.skeleton.shoulders - self.skeleton.waist) @ self.skeleton.up)
 
     @property
     def is_round_head(self) -> bool:
