@@ -164,6 +164,18 @@ def test_straps_that_hang_on_the_arms_have_slipped_off_the_shoulders(shirt: Shir
     assert slipped(((0, 1, 2), (3, 4)), shirt.points, down) == (), "a strapless one"
 
 
+def test_straps_that_moved_out_beyond_the_root_of_the_arm_have_slipped(shirt: Shirt) -> None:
+    """They reach as high there as on the shoulder."""
+    limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
+    shoulders = Shoulders.of(limbs, shirt.points, shirt.triangles, shirt.skeleton)
+    aside = np.sign((shirt.points - shirt.skeleton.middle) @ shirt.skeleton.left)
+    for place, slips in ((0.95, False), (1.1, True)):
+        inner = shoulders.begun[LEFT_ARM].inner
+        out = (place - inner) * shoulders.sides[LEFT_ARM].width
+        worn = shirt.points + out * aside[:, None] * shirt.skeleton.left
+        assert bool(shoulders.slipped(worn, shirt.triangles)) == slips
+
+
 def test_cloth_between_the_neck_and_a_raised_arm_lies_on_the_shoulder(shirt: Shirt) -> None:
     """The arm's muscle stands higher there than the cloth beside it."""
     limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))

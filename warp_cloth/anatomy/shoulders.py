@@ -18,8 +18,9 @@ EDGE = (0.7, 0.95)  # where the top of the shoulder is measured
 NEAR_PLANE = 0.25  # that far before and behind the root
 # Of the height of the shoulder's top: straps on the edge of the shoulders reach 0.6, those hanging on the arms 0.52.
 ON_TOP = 0.56
-BEGAN = 0.5  # the same where a garment starts, perhaps a little low
+BEGAN = 0.5  # the same where a garment starts, perhaps a little low; what begins by the neck may start at the root
 ON_ARM = 1.25  # cloth that begins so far out lies on the arm, however that is raised
+ROOT = 1.0  # the same of cloth that began by the neck
 # Cloth that begins so near the neck lies on the shoulder, however low: between the neck and a raised arm is a hollow.
 BY_NECK = 0.75
 # A garment has slipped to one side where it begins so far out on that side, and so near the middle on the other one,
@@ -77,14 +78,15 @@ class Shoulders:
         """The arms whose shoulder the garment lay over."""
         begun, skin = self.begun, self.skin
         told = [arm for arm in self.sides if np.isfinite(skin[arm])]  # on a coarse body no vertex may be there
-        return [arm for arm in told if begun[arm].inner < 1.0 and begun[arm].top > BEGAN * skin[arm]]
+        lowest = {arm: 0.0 if begun[arm].inner < BY_NECK else BEGAN * skin[arm] for arm in told}
+        return [arm for arm in told if begun[arm].inner < ROOT and begun[arm].top > lowest[arm]]
 
     def slipped(self, worn: Points, triangles: Indices) -> tuple[int, ...]:
         """The arms whose shoulder the garment has slipped off, with its points as worn [m], shape [V, 3]."""
         begun, skin, now = self.begun, self.skin, {}
         if lay := self.placed:
             now = {arm: side.cover(worn, triangles) for arm, side in self.sides.items()}
-        slipped = [arm for arm in lay if not _lies(now[arm], skin[arm])]
+        slipped = [arm for arm in lay if not _lies(now[arm], skin[arm], begun[arm])]
         if not slipped and len(lay) == 2 and abs(begun[RIGHT_ARM].inner - begun[LEFT_ARM].inner) < ALIKE:
             outer, inner = sorted(self.sides, key=lambda arm: -now[arm].inner)
             slipped = [outer] if now[outer].inner > OUTSIDE and now[inner].inner < INSIDE else []
@@ -126,9 +128,10 @@ def _with_shoulders(limbs: Sequence[Limbs]) -> list[int]:
     return [arm for arm in ARMS if (arm,) in limbs and any(HEAD in each and arm not in each for each in limbs)]
 
 
-def _lies(cover: Cover, skin: float) -> bool:
-    """Whether cloth lies on a shoulder whose top is that high."""
-    return cover.inner < BY_NECK or (cover.inner <= ON_ARM and cover.top >= ON_TOP * skin)
+def _lies(cover: Cover, skin: float, begun: Cover) -> bool:
+    """Whether cloth that began at ``begun`` lies on a shoulder whose top is that high."""
+    outermost = ROOT if begun.inner < BY_NECK else ON_ARM
+    return cover.inner < BY_NECK or (cover.inner <= outermost and cover.top >= ON_TOP * skin)
 
 
 class _Side:
