@@ -23,7 +23,7 @@ JOINED = 1e-3  # [m] between ends that are one
 AT_OUTLINE = 5e-3  # [m] from a leg's end to the outline that it is led on to
 SHORTEST = 0.02  # [m] of a leg
 NARROWEST, WIDEST = 3e-3, 0.15  # [m] between legs: at the outline, or in the mean half of a diamond
-MOST_LEGS = 200  # of a piece: more are no darts, but a drawing
+MOST_LEGS, MOST_LINES = 200, 800  # of a piece: more are no darts, but a drawing
 
 
 _Mouth = tuple[float, float, Floats]  # where along the outline a V starts and ends [m], and its line, shape [n, 2]
@@ -106,9 +106,8 @@ def _legs(lines: Sequence[Floats]) -> list[Floats]:
     """Lines from tip to tip, or to their ends, shape [n, 2] each."""
     parts = [part for line in lines for part in _at_tips(line)]
     parts = [part for part in parts if float(np.hypot(*np.diff(part, axis=0).T).sum()) > JOINED]
-    joined = True
-    while joined and len(parts) <= 4 * MOST_LEGS:
-        joined = _join_one(parts)
+    if len(parts) <= MOST_LINES:
+        parts = _joined(parts)
     return [part for part in parts if float(np.hypot(*(part[-1] - part[0]))) >= SHORTEST]
 
 
@@ -133,21 +132,28 @@ def _turn(before: Floats, after: Floats) -> Floats:
     return np.asarray(np.arctan2(cross, (before * after).sum(axis=1)))
 
 
-def _join_one(parts: list[Floats]) -> bool:
-    """Joins two lines that lead on from each other, where no third one ends; whether there were such."""
+def _joined(parts: Sequence[Floats]) -> list[Floats]:
+    """Lines, each joined to the one that leads on from it, where no third one ends."""
+    parts = list(parts)
     ends = np.array([end for part in parts for end in (part[0], part[-1])]).reshape(-1, 2)
-    for k, end in enumerate(ends):
-        near = np.flatnonzero(np.hypot(*(ends - end).T) <= JOINED).tolist()
-        if len(near) != 2 or near[0] // 2 == near[1] // 2 or near[0] != k:
+    k = 0
+    while k < len(ends):
+        near = np.flatnonzero(np.hypot(*(ends - ends[k]).T) <= JOINED).tolist()
+        i, j = (near[0] // 2, near[1] // 2) if len(near) == 2 else (0, 0)
+        if i == j or near[0] != k:
+            k += 1
             continue
-        i, j = near[0] // 2, near[1] // 2
         one = parts[i] if near[0] % 2 else parts[i][::-1]
         other = parts[j][::-1] if near[1] % 2 else parts[j]
-        if abs(float(_turn(one[-1:] - one[-2:-1], other[1:2] - other[:1])[0])) <= TIP:
-            parts[i] = np.concatenate([one, other[1:]])
-            del parts[j]
-            return True
-    return False
+        if abs(float(_turn(one[-1:] - one[-2:-1], other[1:2] - other[:1])[0])) > TIP:
+            k += 1
+            continue
+        parts[i] = np.concatenate([one, other[1:]])
+        del parts[j]
+        ends[2 * i], ends[2 * i + 1] = parts[i][0], parts[i][-1]
+        ends = np.delete(ends, (2 * j, 2 * j + 1), axis=0)
+        k = 2 * i
+    return parts
 
 
 def _fish_eyes(legs: Sequence[Floats]) -> Iterable[Dart]:
