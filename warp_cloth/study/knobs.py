@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.fitting.problem import decided_method, limit_of
+from warp_cloth.kernels.base.types import PRECISIONS
 from warp_cloth.scene import Scene, SquareShape, TshirtShape
 from warp_cloth.solver.step_options import DEFAULT_CAP, Method
 
@@ -83,37 +84,31 @@ def second_reference_of(scene: Scene) -> Trial:
 def single_trials(scene: Scene) -> list[Trial]:
     """The scene as it is, then every knob changed alone."""
     solver, collision, limit = scene.solver, scene.collision, limit_of(scene)
-    trials = [Trial("scene", MappingProxyType({}))]
-
-    def add(knob: str, **settings: str) -> None:
-        trials.append(Trial(knob, MappingProxyType({key.replace("__", "."): text for key, text in settings.items()})))
-
-    for millimetres, residual in TOLERANCES:
-        if millimetres != solver.tolerance_mm:
-            trials.append(Trial("tolerance", MappingProxyType(_tolerance(millimetres, residual))))
-    for precision in ("float32", "mixed", "float64"):
-        if precision != solver.precision:
-            add("precision", solver__precision=precision)
-    if collision.avatar != "none":
-        held = all(garment.pin for garment in scene.garments)  # without pins and avatar a garment falls for ever
-        for kind in ("depth", "auto", "mesh", *(("none",) if held else ())):
-            if kind == "mesh" != collision.avatar:
-                add("collider", collision__avatar=kind, solver__iterations=str(min(limit, EXACT_BUDGET)))
-            elif kind != collision.avatar:
-                add("collider", collision__avatar=kind)
-        if collision.avatar in DRAWN:
-            for pixel in PIXELS_MM:
-                if pixel != collision.pixel_mm:
-                    add("pixel", collision__pixel_mm=f"{pixel:g}")
-    add("cloth contact", collision__cloth="false" if collision.cloth else "true")
-    for factor in COARSENING:
-        coarse = _coarser(scene, factor)
-        if coarse:
-            trials.append(Trial("mesh", MappingProxyType(coarse)))
+    found: list[tuple[str, dict[str, str]]] = [("scene", {})]
+    found += [("tolerance", _tolerance(mm, residual)) for mm, residual in TOLERANCES if mm != solver.tolerance_mm]
+    found += [("precision", {"solver.precision": each}) for each in PRECISIONS if each != solver.precision]
+    found += [("collider", settings) for kind, settings in _colliders(scene).items() if kind != collision.avatar]
+    if collision.avatar in DRAWN:
+        found += [("pixel", {"collision.pixel_mm": f"{mm:g}"}) for mm in PIXELS_MM if mm != collision.pixel_mm]
+    found.append(("cloth contact", {"collision.cloth": "false" if collision.cloth else "true"}))
+    found += [("mesh", coarse) for factor in COARSENING if (coarse := _coarser(scene, factor))]
     for method, most in (("accelerated", limit), ("multilevel", LEVELS_BUDGET), ("direct", DIRECT_BUDGET)):
         if method != solver.method:
-            add("method", solver__method=method, solver__iterations=str(min(limit, most)))
+            found.append(("method", {"solver.method": method, "solver.iterations": str(min(limit, most))}))
+    trials = [Trial(knob, MappingProxyType(settings)) for knob, settings in found]
     return [trial for trial in trials if _allowed(scene, trial)]
+
+
+def _colliders(scene: Scene) -> dict[str, dict[str, str]]:
+    """Settings of the colliders that the avatar may have, by their names."""
+    if scene.collision.avatar == "none":
+        return {}
+    kinds = ["depth", "auto", "mesh"]
+    if all(garment.pin for garment in scene.garments):  # without pins and avatar a garment falls for ever
+        kinds.append("none")
+    colliders = {kind: {"collision.avatar": kind} for kind in kinds}
+    colliders["mesh"]["solver.iterations"] = str(min(limit_of(scene), EXACT_BUDGET))
+    return colliders
 
 
 def budget_trials(scene: Scene, settings: Settings) -> dict[int, Trial]:
