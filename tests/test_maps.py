@@ -21,13 +21,14 @@ from warp_cloth.base.mesh import Mesh, vertex_normals
 from warp_cloth.base.section import cut
 from warp_cloth.fitting.fit import fit
 from warp_cloth.garment.garment import Garment
-from warp_cloth.garment.rest import GRAVITY, build_rest_shape
+from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.maps import MAPS, chosen_maps, measure_maps
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import rounded_up, shown_range
 from warp_cloth.material.constants import even_network
 from warp_cloth.material.fabric import Fabric
+from warp_cloth.material.laboratory import GRAVITY
 from warp_cloth.material.strain import face_strains, vertex_areas, vertex_means
 from warp_cloth.shapes import MannequinMeasures, mannequin, sphere, tshirt
 from warp_cloth.solver.certificate.certifier import Certifier

@@ -2,10 +2,11 @@
 
 import warp as wp
 
+from warp_cloth.kernels.avatar.closest import FARTHEST
+
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 EDGE_ON = wp.constant(wp.float32(0.05))  # cosine below which a view sees a surface edge-on only
-FARTHEST = wp.constant(wp.float32(1.0e6))  # [m]; across any avatar
 
 
 @wp.kernel

@@ -17,7 +17,6 @@ from warp_cloth.kernels.avatar import closest as kernels
 from warp_cloth.kernels.avatar.nearest_face import Surface, choose_nearest_faces
 from warp_cloth.model.result import Penetration
 
-FARTHEST = 1e6  # [m]; across any avatar
 DEFAULT_DEPTH = 0.3  # [m]; deeper than the middle of any trunk
 TREE_TRIANGLE = 430  # bytes of a mesh and its BVH for each triangle, measured: 414
 DEEPEST = 0.999  # the percentile reported next to the deepest vertex
@@ -181,7 +180,7 @@ def depths_under(
     number = {id(exact): at for at, exact in enumerate(avatars)}
     of = np.array([number.get(id(exact), -1) for exact in exact_of], dtype=np.int32)
     colliders = wp.array(
-        [exact.within(FARTHEST).collider for exact in avatars], dtype=kernels.MeshCollider, device=device
+        [exact.within(float(kernels.FARTHEST)).collider for exact in avatars], dtype=kernels.MeshCollider, device=device
     )
     closed = wp.array([exact.avatar.closed for exact in avatars], dtype=wp.uint8, device=device)
     found: list[NDArray[np.float32]] = []

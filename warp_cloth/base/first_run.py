@@ -15,7 +15,7 @@ from pathlib import Path
 
 FOLDER = "WARP_CLOTH_CACHE"  # environment variable: another cache folder, or "off"
 OFF = ("off", "0", "no", "none", "false")
-GPU_FILES = ("/dev/nvidiactl", "/dev/dxg")  # one of them is there where the system has a GPU for CUDA
+GPU_FILES = ("/dev/nvidiactl", "/dev/dxg")  # one is there if the system has a GPU for CUDA: under Linux, or in WSL
 FIRST_RUN = "compiling kernels: first run on this machine, about half a minute"
 
 

@@ -16,13 +16,13 @@ from pathlib import Path
 
 from warp_cloth.base.device import gpu_count
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.first_run import GPU_FILES
 from warp_cloth.batch.lifeline import sigint_blocked
 
 START_METHOD = "WARP_CLOTH_START_METHOD"
 METHODS = ("forkserver", "spawn", "fork")
 LOADING = ("__main__", "warp_cloth.batch.preload")  # imported before any process is forked
 FITTING = ("warp_cloth.batch.many",)  # likewise, where every process fits
-GPU_FILES = ("/dev/nvidiactl", "/dev/dxg")  # of the driver, under Linux and Windows Subsystem for Linux
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")  # per process: there are many processes
 
 

@@ -15,10 +15,11 @@ from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.laid import laid_into
-from warp_cloth.garment.rest import GRAVITY, Floats, build_rest_shape
+from warp_cloth.garment.rest import Floats, build_rest_shape
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.hysteresis import Laid
+from warp_cloth.material.laboratory import GRAVITY
 from warp_cloth.model.model import build_model
 from warp_cloth.solver.certificate.certifier import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass

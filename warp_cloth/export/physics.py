@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
-from warp_cloth.garment.rest import GRAVITY, RestShape
+from warp_cloth.garment.rest import RestShape
 from warp_cloth.loading.usd_physics import COLLISION, OWN, SURFACE
 from warp_cloth.material.fabric import Fabric
+from warp_cloth.material.laboratory import GRAVITY
 from warp_cloth.material.linearised import linear_constants
 from warp_cloth.model.result import WornGarment
 

@@ -29,7 +29,7 @@ from warp_cloth.scene.stage import USD_SUFFIXES
 PANEL_GAP = 10.0  # between panels, each scaled to the unit square
 # Fraction of the worn garment's size: if a tenth of the seam vertices lie farther apart, the panels do not correspond.
 # Between sizes of a T-shirt it is 0.01 at most.
-TORN = 0.05
+FAR_APART = 0.05
 
 Worn = tuple[Mesh, Points]  # a garment and its worn points [m], shape [V, 3]
 
@@ -158,7 +158,7 @@ def _torn(offset: Points, places: NDArray[np.float32], vertex: NDArray[np.int32]
     if not sewn.any():
         return False
     gap = 2 * np.linalg.norm(offset[sewn], axis=1)
-    return bool(np.quantile(gap, 0.9) > TORN * np.linalg.norm(np.ptp(worn, axis=0)))
+    return bool(np.quantile(gap, 0.9) > FAR_APART * np.linalg.norm(np.ptp(worn, axis=0)))
 
 
 def _panel_places(mesh: Mesh, names: tuple[str, ...]) -> NDArray[np.float32]:

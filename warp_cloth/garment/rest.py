@@ -25,11 +25,11 @@ from warp_cloth.kernels.base.options import SliderField
 from warp_cloth.loading.repair import RestKey
 from warp_cloth.material.constants import Sheet, YarnConstants, edge_constants, lay_flat, yarn_constants
 from warp_cloth.material.fabric import Fabric, unlikely_values
+from warp_cloth.material.laboratory import GRAVITY
 from warp_cloth.scene.wearables import RestAngles
 
 Floats = NDArray[np.float64]
 
-GRAVITY = 9.80665  # standard gravity [m/s2]
 
 # Edges far shorter than their neighbours would get constants without bound (k ~ 1 / L^3), and strains over nothing:
 # below this fraction of the garment's median edge they count as that long.

@@ -15,9 +15,8 @@ import numpy as np
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.text import to_utf8
 from warp_cloth.loading.decimals import float32_doubt
-from warp_cloth.loading.raw import EXPORT_AGAIN, POSED, RawMesh, joined
+from warp_cloth.loading.raw import CUT_OFF, EXPORT_AGAIN, POSED, RawMesh, joined
 
-_CUT_OFF = "the file is cut off or damaged: export it again"
 _GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
 _TRIANGLE_MODES = (4, 5)  # triangles and strips, which trimesh reads; a missing mode is 4
 _FAN_MODE = 6
@@ -31,11 +30,11 @@ def read_stl(file: str, data: bytes) -> RawMesh:
     data = data if _is_binary_stl(data) else to_utf8(data)
     text = data[:512].lstrip().lower().startswith(b"solid") and b"vertex" in data[:4096].lower()
     if len(data) < 84 and not text:
-        raise InputError(file, "is not an STL file: too short for one triangle", _CUT_OFF)
+        raise InputError(file, "is not an STL file: too short for one triangle", CUT_OFF)
     if not text and not _is_binary_stl(data):
         size = _stl_size(data)
         problem = f"is not an STL file, or cut off: its header declares {size:,} bytes, it has {len(data):,}"
-        raise InputError(file, problem, _CUT_OFF)
+        raise InputError(file, problem, CUT_OFF)
     if text and not _is_binary_stl(data):
         _check_stl_text(file, data)
     return _read(file, data, "stl", None)
@@ -71,7 +70,7 @@ def _check_stl_text(file: str, data: bytes) -> None:
         opened += word == b"solid"
         closed += word == b"endsolid"
     if vertices != 3 * facet or opened != closed:
-        raise InputError(file, f"ends within facet {facet + 1} or before 'endsolid'", _CUT_OFF)
+        raise InputError(file, f"ends within facet {facet + 1} or before 'endsolid'", CUT_OFF)
 
 
 def _are_numbers(tokens: list[bytes]) -> bool:
@@ -114,17 +113,17 @@ def read_gltf(file: str, data: bytes, *, key: str = "", name: str | None = None)
 def _glb_parts(file: str, data: bytes) -> tuple[bytes, bytes]:
     """JSON of a GLB, and the chunks after it as they are."""
     if len(data) < _GLB_HEADER.size + _GLB_CHUNK.size:
-        raise InputError(file, f"the GLB ends after {len(data)} bytes, within its header", _CUT_OFF)
+        raise InputError(file, f"the GLB ends after {len(data)} bytes, within its header", CUT_OFF)
     _, version, length = _GLB_HEADER.unpack_from(data)
     if version != 2:
         raise InputError(file, f"is glTF version {version}; only version 2 is read", "export it as glTF 2.0")
     if length > len(data):
-        raise InputError(file, f"the GLB has {len(data):,} of its {length:,} bytes", _CUT_OFF)
+        raise InputError(file, f"the GLB has {len(data):,} of its {length:,} bytes", CUT_OFF)
     start = _GLB_HEADER.size
     size, kind = _GLB_CHUNK.unpack_from(data, start)
     start += _GLB_CHUNK.size
     if kind != b"JSON" or start + size > length:
-        raise InputError(file, "the GLB does not start with a complete JSON chunk", _CUT_OFF)
+        raise InputError(file, "the GLB does not start with a complete JSON chunk", CUT_OFF)
     return data[start : start + size], data[start + size : length]
 
 
@@ -229,7 +228,7 @@ def _read(file: str, data: bytes, kind: str, metres_per_unit: float | None) -> R
             ]
     except (Exception, RecursionError, MemoryError) as error:  # a damaged file makes trimesh raise anything
         name = "STL" if kind == "stl" else "glTF"
-        raise InputError(file, f"cannot be read as {name}: {_reason(error)}", _CUT_OFF) from error
+        raise InputError(file, f"cannot be read as {name}: {_reason(error)}", CUT_OFF) from error
     if not found:
         raise InputError(file, "holds no mesh with faces", "export the surface as triangles")
     names, parts = zip(*found, strict=True)

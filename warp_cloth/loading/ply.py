@@ -15,7 +15,7 @@ import numpy as np
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.text import to_utf8
 from warp_cloth.loading.decimals import float32_doubt
-from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh
+from warp_cloth.loading.raw import CUT_OFF, EXPORT_AGAIN, Floats, Ints, RawMesh
 
 _TYPES = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
@@ -26,7 +26,6 @@ _FORMATS = {b"ascii": "", b"binary_little_endian": "<", b"binary_big_endian": ">
 _FACE_LISTS = ("vertex_indices", "vertex_index")
 _VERTEX_TEXCOORDS = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 _COUNTS = "correct the header, or export it again"
-_CUT_OFF = "the file is cut off or damaged: export it again"
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ def _header(file: str, data: bytes) -> tuple[str, list[_Element], int, int]:
     end = data.find(b"end_header")
     body = data.find(b"\n" if b"\n" in data[:5] else b"\r", end) + 1
     if end < 0 or not body:
-        raise InputError(file, "the PLY header has no end_header line", _CUT_OFF)
+        raise InputError(file, "the PLY header has no end_header line", CUT_OFF)
     order: str | None = None
     elements: list[_Element] = []
     lines = data[:end].splitlines()
@@ -159,7 +158,7 @@ def _text(file: str, tokens: list[bytes], position: int, element: _Element) -> t
             row += 1
     except IndexError:
         problem = f"ends after {row:,} of {element.count:,} {element.name} rows"
-        raise InputError(file, problem, _CUT_OFF) from None
+        raise InputError(file, problem, CUT_OFF) from None
     except ValueError as error:
         raise InputError(file, f"a value of element {element.name!r} is not a number ({error})", EXPORT_AGAIN) from None
     singles = {p.name: np.array(columns[p.name]) for p in properties if not p.count_type}
@@ -200,7 +199,7 @@ def _binary(file: str, body: bytes, position: int, element: _Element, order: str
             return _Table(singles, found), position + size
     if not lists:
         done = (len(body) - position) // max(layout.itemsize, 1)
-        raise InputError(file, f"ends after {done:,} of {element.count:,} {element.name} rows", _CUT_OFF)
+        raise InputError(file, f"ends after {done:,} of {element.count:,} {element.name} rows", CUT_OFF)
     return _binary_rows(file, body, position, element, order)
 
 
@@ -244,7 +243,7 @@ def _one_row(
         position += count * np.dtype(prop.type).itemsize
         if count < 0 or position > len(body):
             problem = f"ends after {row:,} of {element.count:,} {element.name} rows"
-            raise InputError(file, problem, _CUT_OFF)
+            raise InputError(file, problem, CUT_OFF)
     return position, lengths
 
 

@@ -17,6 +17,7 @@ Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 EXPORT_AGAIN = "export the mesh again"
+CUT_OFF = "the file is cut off or damaged: export it again"
 AGREE, MOST = 0.05, 0.5  # of sides of polygons in texture space: how near their scales are, and of what fraction
 POSED = "skeleton and blend shapes are not applied: the mesh is used as stored"  # a note
 

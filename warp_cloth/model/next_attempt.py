@@ -38,7 +38,7 @@ MOST_LEVELLINGS = 2
 # swings down from a clamp rests in a fourteenth of the time.
 FREE_FALLING = 4000
 
-SEWN = 0.05  # strain of an edge that is to be sewn, at least
+UNSEWN = 0.05  # strain of an edge that is to be sewn, at least
 
 MOST_PADDINGS = 3  # of the avatar under faces that it shows through
 OFFSET_KEY = "collision.offset_mm"
@@ -266,7 +266,7 @@ def _lies_as_cut(garment: Garment) -> bool:
     """Whether a garment starts as its panels are cut, so that nothing is to be sewn."""
     ends = garment.points[garment.rest.topology.edges]
     placed = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    return bool(np.allclose(placed, garment.rest.edge_length, rtol=SEWN, atol=0.0))
+    return bool(np.allclose(placed, garment.rest.edge_length, rtol=UNSEWN, atol=0.0))
 
 
 def _levels(
