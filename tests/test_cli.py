@@ -124,6 +124,7 @@ def test_an_interrupt_ends_with_130_and_one_line(stand_in: StandIn) -> None:
         (("fit", "a", "b"), "unexpected extra argument"),
         (("fit", "sphere", "--frames", "x"), "--frames: "),
         (("fit", "sphere", "--nope"), "--nope"),
+        (("fit", "sphere", "--translate", "1"), "a key of the scene? --set garment.translate=... (see"),
         (("no",), "No such command 'no' (see warp-cloth --help)"),
     ],
 )

@@ -69,6 +69,14 @@ def _usage(error: Any) -> str:
     option = re.fullmatch(r"Invalid value for '(--[\w-]+)[^']*': (.*?)(?:, unable to parse.*)?", message)
     if option is not None:
         message = f"{option[1]}: {option[2].replace('Input should be', 'must be')}"
+    unknown = re.match(r"No such option: --([\w-]+)", message)
+    if unknown is not None:
+        from warp_cloth.scene.reference import keys_called
+
+        keys = keys_called(unknown[1].replace("-", "_"))
+        if keys:  # of a scene: these are no options
+            ways = " or ".join(f"--set {key}=..." for key in keys)
+            message = f"No such option: --{unknown[1]}; a key of the scene? {ways}"
     command = getattr(getattr(error, "ctx", None), "info_name", None)
     return f"{message} (see warp-cloth {f'{command} ' if command in names else ''}--help)"
 

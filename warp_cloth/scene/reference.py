@@ -44,6 +44,12 @@ def key_lines(wanted: str = "") -> list[str]:
     return lines
 
 
+def keys_called(name: str) -> list[str]:
+    """Whole keys whose last part is ``name``: ["garment.size", "garment.shape.size", ...] of "size"."""
+    found = (row.split("`")[1] for row in key_table().splitlines() if "`" in row)
+    return list(dict.fromkeys(key for key in found if key.rpartition(".")[2] == name))
+
+
 def key_table() -> str:
     """Every key of a scene file with its values, default and meaning, as one Markdown table."""
     rows = [f"| `name` | string | | {Scene.model_fields['name'].description} |"]
