@@ -12,6 +12,11 @@ def main() -> None:
     end = _LastAct()
     atexit.register(end)  # the first to be registered is the last to run
     try:
+        from warp_cloth.cli.resident_client import answered
+
+        status = answered(sys.argv)
+        if status is not None:
+            sys.exit(status)
         from warp_cloth.cli.main import main as run
 
         run()

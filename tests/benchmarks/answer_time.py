@@ -5,8 +5,9 @@
 
 Wall time of the whole process, and report.json's "seconds"; ``told`` is the share of the wall time that they
 add up to. Cold: no compiled kernels, no bytecode and an empty cache; one run, of the command alone, also to its first
-word. ``--against`` names another checkout, whose command runs in turn with this one's. The fitter answers on one core,
-in turn with a plain fit of the same scene in the same process, which must give the same bits. Medians.
+word. Resident: beside ``warp-cloth resident``. ``--against`` names another checkout, whose command runs in turn with
+this one's. The fitter answers on one core, in turn with a plain fit of the same scene in the same process, which must
+give the same bits. Medians.
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from measured import Figures, add_write_option
 
-CASES = ("command_cold", "command_warm", "library", "fitter")
+CASES = ("command_cold", "command_warm", "command_resident", "library", "fitter")
 LEAST = 0.005  # [s]; stages that take less are not printed
 FITTER_CHANGES = {"fabric": {"garment.fabric": "denim"}, "size": {"garment.shape.size": "L"}}
 FITTER = """
@@ -88,6 +90,20 @@ def command(scene: str, device: str, environment: Mapping[str, str]) -> tuple[fl
     return wall, report["seconds"], first
 
 
+@contextmanager
+def staying(device: str, environment: Mapping[str, str]) -> Iterator[None]:
+    """A resident for commands of this environment."""
+    words = [sys.executable, "-m", "warp_cloth", "resident", "--device", device]
+    with subprocess.Popen(words, env={**os.environ, **environment}, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stderr is not None
+            if "ready" not in (said := process.stderr.readline()):
+                raise SystemExit(said)
+            yield
+        finally:
+            process.kill()
+
+
 def run_script(script: str, *arguments: Any) -> Any:
     """What a script prints as JSON, in a process of its own."""
     words = [sys.executable, "-c", script, json.dumps(arguments)]
@@ -138,6 +154,12 @@ def main() -> None:
                 ]
             for before in trees:
                 add(figures, f"{before}command_warm", [run[before] for run in runs[1:]])  # the first one compiles
+        if "command_resident" in cases:
+            with tempfile.TemporaryDirectory() as folder:
+                here = {"WARP_CLOTH_CACHE": folder, "PYTHONPATH": own}  # with its socket
+                with staying(device, here):
+                    answers = [command(scene, device, here) for _ in range(1 + options.runs)]
+            add(figures, "command_resident", answers[1:])
         if "library" in cases:
             first, *again = run_script(LIBRARY, scene, device, options.runs)
             add(figures, "library_first", [first])

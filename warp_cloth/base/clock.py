@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 # Keys of the report's "seconds", in the order of the stages. The first three are the command's: a fit called from
@@ -25,6 +27,7 @@ STAGES = (
     "page",
 )
 IMPORTED = time.perf_counter()  # [s] when this module was imported, the first one of the command
+_BEGAN: ContextVar[tuple[float, float] | None] = ContextVar("began", default=None)  # as for ``command_began``
 
 
 class StageClock:
@@ -63,9 +66,20 @@ class StageClock:
 
 def command_clock(on_begin: Callable[[str], None] = lambda _: None) -> StageClock:
     """A clock of a command: it has measured the start of the process, and is at the first import."""
-    clock = StageClock(on_begin, since=IMPORTED)
-    clock.seconds["start"] = seconds_before(IMPORTED)
+    since, before = _BEGAN.get() or (IMPORTED, seconds_before(IMPORTED))
+    clock = StageClock(on_begin, since=since)
+    clock.seconds["start"] = before
     return clock
+
+
+@contextmanager
+def command_began(since: float, before: float) -> Iterator[None]:
+    """For a command that another process was started for, ``before`` [s] the moment ``since`` (see StageClock)."""
+    token = _BEGAN.set((since, before))
+    try:
+        yield
+    finally:
+        _BEGAN.reset(token)
 
 
 def seconds_before(moment: float) -> float:

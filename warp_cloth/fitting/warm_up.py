@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from warp_cloth.fitting.fit import fit
@@ -24,15 +24,19 @@ KINDS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 
 
-def warm_up(device: str, on_kind: Callable[[str], None] = lambda _: None) -> None:
+def warm_up(
+    device: str,
+    on_kind: Callable[[str], None] = lambda _: None,
+    kinds: Sequence[tuple[str, tuple[str, ...]]] | None = None,
+) -> None:
     """Fits each usual kind of scene for a moment on a device ("cpu", "cuda:0"), and writes the first one's files.
 
-    ``on_kind`` is called with the name of each that begins.
+    ``on_kind`` is called with the name of each that begins; ``kinds``: other ones than all.
 
     Raises:
         OutputError: Warp's folder of compiled kernels cannot be written.
     """
-    for number, (scene, changes) in enumerate(dict.fromkeys(KINDS)):
+    for number, (scene, changes) in enumerate(dict.fromkeys(KINDS if kinds is None else kinds)):
         on_kind(" ".join((scene, *changes)))
         begun = fit(scene, device=device, overrides=(*changes, ITERATIONS))
         if number == 0:
