@@ -13,7 +13,7 @@ from warp_cloth.cli.fabric import fabric
 from warp_cloth.cli.fit import fit
 from warp_cloth.cli.init import init
 from warp_cloth.cli.many import batch, sizes
-from warp_cloth.cli.resident import resident
+from warp_cloth.cli.resident import resident_of
 from warp_cloth.cli.results import compare, view
 from warp_cloth.cli.serve import serve
 from warp_cloth.cli.study import plan, tradeoff
@@ -32,7 +32,7 @@ for panel, commands in (
     ("Fit", (fit, init, batch, sizes, compare, view, serve)),
     ("Explore", (scenes, pattern, fabric, avatar)),
     ("Study", (plan, tradeoff)),
-    ("Set up", (warm_up, resident)),
+    ("Set up", (warm_up, resident_of(lambda: main()))),
 ):
     for command in commands:
         app.command(rich_help_panel=panel)(command)

@@ -29,34 +29,40 @@ INTERRUPT = signal.SIGUSR1  # interrupts a command; not SIGINT, which shells let
 FAILED = 1  # exit status of an error that nobody expected
 
 
-def resident(
-    device: Device = None,
-    minutes: Annotated[float, typer.Option(help="Idle minutes after which it ends.", min=0.01, max=1440.0)] = 30.0,
-) -> None:
-    """Stay in memory, so that `warp-cloth fit` need not load Python's packages, Warp and the GPU each time.
+def resident_of(main: Callable[[], None]) -> Callable[..., None]:
+    """The command, for a ``main`` that runs what ``sys.argv`` names."""
 
-    Fits of this user, environment and version find it by themselves, and run alone where it is busy or gone. It keeps
-    no garments or bodies from fit to fit. For Linux.
+    def resident(
+        device: Device = None,
+        minutes: Annotated[float, typer.Option(help="Idle minutes after which it ends.", min=0.01, max=1440.0)] = 30.0,
+    ) -> None:
+        """Stay in memory, so that `warp-cloth fit` need not load Python's packages, Warp and the GPU each time.
 
-    \b
-    warp-cloth resident &
-    warp-cloth fit tshirt
-    """
-    with one_line_errors():
-        place = resident_place()  # before the imports: a change of code after this is another place
-        if place is None:
-            raise InputError("resident", "needs Linux, and a cache folder with a short path", "set WARP_CLOTH_CACHE")
-        with listening(place) as listener:
-            begin_waking(device)
-            start_warp()
-            from warp_cloth.cli import fit_progress, main  # noqa: F401
-            from warp_cloth.export import save  # noqa: F401
-            from warp_cloth.fitting.warm_up import KINDS, warm_up
+        Fits of this user, environment and version find it by themselves, and run alone where it is busy or gone.
+        It keeps no garments or bodies from fit to fit. For Linux.
 
-            warm_up(device_named(device), kinds=KINDS[:1])
-            typer.echo(f"ready: fits start at once, until none has come for {minutes:g} minutes", err=True)
-            forget()
-            serve(listener, main.main, 60.0 * minutes)
+        \b
+        warp-cloth resident &
+        warp-cloth fit tshirt
+        """
+        with one_line_errors():
+            place = resident_place()  # before the imports: a change of code after this is another place
+            if place is None:
+                needed = "needs Linux, and a cache folder with a short path"
+                raise InputError("resident", needed, "set WARP_CLOTH_CACHE")
+            with listening(place) as listener:
+                begin_waking(device)
+                start_warp()
+                from warp_cloth.cli import fit_progress  # noqa: F401
+                from warp_cloth.export import save  # noqa: F401
+                from warp_cloth.fitting.warm_up import KINDS, warm_up
+
+                warm_up(device_named(device), kinds=KINDS[:1])
+                typer.echo(f"ready: fits start at once, until none has come for {minutes:g} minutes", err=True)
+                forget()
+                serve(listener, main, 60.0 * minutes)
+
+    return resident
 
 
 @contextlib.contextmanager
