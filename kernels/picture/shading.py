@@ -69,7 +69,7 @@ def sample_surface(
     view: View,
     ids: wp.array2d(dtype=wp.int32),  # from draw_triangle_ids, shape [rows, columns]
     normal_out: wp.array2d(dtype=wp.vec3f),  # turned to the viewer, shape [rows, columns]
-    reflectance_out: wp.array2d(dtype=wp.vec3f),  # linear, 0..1; left as it is where nothing is drawn
+    reflectance_out: wp.array2d(dtype=wp.vec3f),  # linear, 0..1; both left as they are where nothing is drawn
 ):
     """Samples the surface under every pixel: normal and colour interpolated over the triangle, the inside darker."""
     row, column = wp.tid()
@@ -111,7 +111,7 @@ def cast_shadows(
     key: View,  # from the key light
     key_depth: wp.array2d(dtype=wp.float32),  # from draw_depth [m], shape [key.rows, key.columns]
     taps: wp.array2d(dtype=wp.vec2f),  # where it looks: columns and rows from a point, shape [patterns, taps]
-    lit_out: wp.array2d(dtype=wp.float32),  # fraction of the key's light, 0..1, shape [rows, columns]
+    lit_out: wp.array2d(dtype=wp.float32),  # fraction of the key's light, 0..1, likewise, shape [rows, columns]
 ):
     """Fraction of a disc of the key's depth image round each drawn pixel's point that is not before it."""
     row, column = wp.tid()
@@ -136,16 +136,15 @@ def cast_shadows(
 def light_pixels(  # ten arguments: a picture's layers, each an array
     depth: wp.array2d(dtype=wp.float32),  # from draw_depth [m], shape [rows, columns]
     normal: wp.array2d(dtype=wp.vec3f),  # from sample_surface, shape [rows, columns]
-    reflectance: wp.array2d(dtype=wp.vec3f),  # linear, shape [rows, columns]
     lit: wp.array2d(dtype=wp.float32),  # from cast_shadows, shape [rows, columns]
     view: View,
     key: wp.vec3f,  # unit vector to the key light
     fill: wp.vec3f,  # unit vector to the fill light
     taps: wp.array2d(dtype=wp.vec2i),  # where it looks: rows and columns from a pixel, shape [patterns, taps]
     steps: int,  # of each direction; taps follow one another
-    colour_out: wp.array2d(dtype=wp.vec3f),  # linear light, shape [rows, columns]
+    light_out: wp.array2d(dtype=wp.vec3f),  # linear, left as it is where nothing is drawn, shape [rows, columns]
 ):
-    """Lights every drawn pixel, darkened where its surroundings rise over it.
+    """The light on every drawn pixel, less where its surroundings rise over it.
 
     open = 1 - strength * mean over directions of the highest horizon.
     """
@@ -173,5 +172,4 @@ def light_pixels(  # ten arguments: a picture's layers, each an array
                     highest = wp.max(highest, horizon(height, right * right + up * up + rise * rise))
         risen += highest
     open = wp.clamp(1.0 - OCCLUSION_STRENGTH * risen / float(directions), 0.0, 1.0)
-    light = light_on(n, key, fill, view.up, lit[row, column], open)
-    colour_out[row, column] = wp.cw_mul(reflectance[row, column], light)
+    light_out[row, column] = light_on(n, key, fill, view.up, lit[row, column], open)

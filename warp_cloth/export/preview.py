@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from warp_cloth.base.mesh import Mesh
@@ -27,7 +27,7 @@ from warp_cloth.export.render import (
     shaded,
     view_axes,
 )
-from warp_cloth.export.surface import linear, require_sound, srgb
+from warp_cloth.export.surface import in_bytes, linear, require_sound
 from warp_cloth.model.fit_problem import FitProblem
 from warp_cloth.model.result import WornGarment
 
@@ -144,7 +144,7 @@ def _shades(views: Sequence[tuple[Subject, RenderedView]]) -> list[NDArray[np.ui
     """Images of views, each of a subject in its own colours, before the background."""
     background = linear(BACKGROUND)
     seen = _of_each(views[0][0].device, lambda view: seen_surface(*view), views)
-    return map_in_threads(lambda each: _in_bytes(shaded(each, background)), seen)
+    return map_in_threads(lambda each: shaded(each, background), seen)
 
 
 def _pictures(parts: Sequence[tuple[Subject, Layout, tuple[int, int]]]) -> list[Image.Image]:
@@ -166,17 +166,12 @@ def _composed(
     layout: Layout, drawn: Sequence[NDArray[np.uint8]], size: tuple[int, int], title: str, sentence: str
 ) -> Image.Image:
     """The picture of a layout's windows."""
-    shades = np.tile(_in_bytes(linear(BACKGROUND)), (size[1], size[0], 1))
+    shades = np.tile(in_bytes(linear(BACKGROUND)), (size[1], size[0], 1))
     for window, shade in zip(layout.windows, drawn, strict=True):
         shades[layout.top : layout.top + layout.height, window.left : window.left + window.width] = shade
     image = Image.fromarray(shades, "RGB")
     draw_labels(image, layout, title, sentence)
     return image
-
-
-def _in_bytes(light: ArrayLike) -> NDArray[np.uint8]:
-    """sRGB values in bytes from linear light."""
-    return np.round(srgb(light) * 255.0).astype(np.uint8)
 
 
 def save_picture(image: Image.Image, path: Path) -> None:

@@ -47,6 +47,11 @@ def srgb(light: ArrayLike) -> NDArray[np.float64]:
     return np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055)
 
 
+def in_bytes(light: ArrayLike) -> NDArray[np.uint8]:
+    """sRGB values in bytes from linear light."""
+    return np.round(srgb(light) * 255.0).astype(np.uint8)
+
+
 def winds_outward(points: ArrayLike, triangles: Indices) -> bool:
     """Whether the triangles face away from the surface's centre: the sign of the volume that they enclose with it."""
     corners = np.asarray(points, dtype=np.float64)[triangles]
