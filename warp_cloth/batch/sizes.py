@@ -21,7 +21,7 @@ from warp_cloth.maps.girths import garment_girths
 from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
 from warp_cloth.pattern import read_drafted
-from warp_cloth.report.shown import ShownVerdict, shown_verdict
+from warp_cloth.report.shown import ShownVerdict, ease_lines, shown_verdict
 from warp_cloth.scene import Scene, TshirtShape, load_scene
 from warp_cloth.scene.paths import file_stem
 from warp_cloth.scene.shapes import SIZES
@@ -71,9 +71,13 @@ class SizeFit:
 
     @property
     def figures(self) -> str:
-        """Ease at each level and strain, in a line."""
+        """Ease at each level, or that it is not reached, and strain, in a line."""
         levels = [f"{name} {100 * level.ease:+.1f} cm" for name, level in self.levels.items()]
-        strain = f"strain p99 {100 * self.strain_p99:.1f} %" if self.strain_p99 is not None else self.message
+        if self.fit is not None and self.levels:
+            levels = ease_lines(self.fit.report)
+        strain = self.message
+        if self.strain_p99 is not None:
+            strain = f"strain {100 * self.strain_p99:.1f} % (99th percentile)"
         return ", ".join([*levels, strain, *([] if self.held else ["slides down"])])
 
     @property

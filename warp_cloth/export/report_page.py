@@ -105,10 +105,11 @@ def certificate_rows(report: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def strain_rows(report: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Median, 99th percentile and maximum of strains, in per cent of the length as cut."""
+    """Median, 99th percentile, greatest and least of strains, in per cent of the length as cut."""
     strain = report["strain"]
     yarns = [(f"along the {name}", strain[name]) for name in ("warp", "weft", "bias") if name in strain]
+    columns = ("p50", "p99", "max", "min")
     return [
-        (name, *(percent(values[key]) if math.isfinite(values[key]) else "unknown" for key in ("p50", "p99", "max")))
+        (name, *(percent(values[key]) if math.isfinite(values[key]) else "unknown" for key in columns))
         for name, values in (("in all directions", strain), *yarns)
     ]
