@@ -165,11 +165,13 @@ def query_vertices(context: Any, group: int, all: bool):
         wide = wp.vec3f(margin, margin, margin)
         item, own = search.leaves[search.item[vertex]], context.extra.own_leaves[vertex]
         low, high = vertex_group_box(context.state, search, context.contact, group)
-        for side in range(2):  # before and after its own layer in the tree
+        side = int(0)
+        while side < 2:  # before and after its own layer in the tree; a for loop would be compiled twice
             begin = wp.where(side == 0, item[0], own[1])
             end = wp.where(side == 0, own[0], item[1])
             walk = start_walk(search.triangle_tree, low - wide, high + wide, begin, end)
             walk_groups(context, search.triangle_tree, walk, query)
+            side += 1
 
 
 @functools.cache

@@ -22,7 +22,8 @@ from warp_cloth.avatar.solid import Closing, Solid, solid_of
 from warp_cloth.avatar.stored_field import StoredField, field_key, read_field, write_field
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.kernels.avatar import closest, depth, layers, raster, visibility
+from warp_cloth.kernels.avatar import closest, depth, layers, nearest_face, raster, sweep, visibility
+from warp_cloth.kernels.avatar import field as field_kernels
 from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.kernels.avatar.depth import DepthSolid, plain_contact
 from warp_cloth.kernels.avatar.field import ContactField, field_contact
@@ -43,9 +44,11 @@ DRAWN = ("depth", "plain", "auto")  # colliders drawn over a region
 
 def avatar_modules(kind: str) -> list[wp.Module]:
     """Kernel modules needed to build a collider of this kind and to measure against the exact avatar."""
-    used = [closest, visibility]
+    used = [closest, nearest_face, visibility]
     if kind in DRAWN:
         used += [depth, raster]
+    if kind in ("depth", "auto"):
+        used += [field_kernels, sweep]
     if kind == "auto":
         used += [layers]
     modules = [wp.get_module(module.__name__) for module in used]

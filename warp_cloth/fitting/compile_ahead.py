@@ -6,7 +6,7 @@ import warp as wp
 
 from warp_cloth.avatar.contact import avatar_modules
 from warp_cloth.base.clock import StageClock
-from warp_cloth.base.compiling import compile_for_cpu
+from warp_cloth.base.compiling import compile_for_cpu, load_modules
 from warp_cloth.base.first_run import kernels_known
 from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.export.render import picture_modules
@@ -20,10 +20,14 @@ def compile_ahead(scene: Scene, device: str, clock: StageClock) -> None:
 
     Where they are launched one is compiled after another.
     """
-    if wp.get_device(device).is_cuda or kernels_known(device):
+    if kernels_known(device):
         return
     own = [] if scene.avatar is None else [wp.get_module(geodesics.__name__), *avatar_modules("depth")]
-    with keeping_kernels():
-        modules = [*own, wp.get_module(crossing.__name__), *picture_modules()]
-        compile_for_cpu(modules, on_begin=lambda: clock.begin("compile"))
+    modules = [*own, wp.get_module(crossing.__name__), *picture_modules()]
+    if wp.get_device(device).is_cuda:
+        clock.begin("compile")
+        load_modules(modules, device)
+    else:
+        with keeping_kernels():
+            compile_for_cpu(modules, on_begin=lambda: clock.begin("compile"))
     clock.lap("compile")
