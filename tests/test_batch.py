@@ -367,6 +367,7 @@ def test_the_contact_sheet_shows_the_worst_first(tmp_path: Path) -> None:
     items = [tiny("hangs"), Item("<b>bad</b>", "hanging", ("garment.fabric=cardboard",)), tiny("too")]
     report = run_batch(items, tmp_path, device="cpu", workers=1, sheet=2)
     assert report.sheet == tmp_path / "contact_sheet.html"
+    assert "% (99th percentile)" in report.sheet.read_text(encoding="utf-8")
     page = report.sheet.read_text(encoding="utf-8")
     assert "0 of 3 worn; 2 shown" in page
     assert page.index("&lt;b&gt;bad&lt;/b&gt;") < page.index("<b>hangs</b>")

@@ -16,7 +16,7 @@ import numpy as np
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.batch.jobs import Item
-from warp_cloth.batch.rows import COLUMNS
+from warp_cloth.batch.rows import COLUMNS, EASE
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.preview import preview_image
 from warp_cloth.garment.outfit import MeshCache, avatar_recipe
@@ -37,7 +37,7 @@ class Card:
     name: str
     words: str
     colour: str
-    own: str  # the job's own columns
+    own: str  # the job's own columns, ease and strain
     message: str
     picture: str  # data URL; empty where there is no shape
     page: str = ""  # address of its report; empty: it has none
@@ -97,7 +97,18 @@ def _card(item: Item, row: Mapping[str, Any], drawer: _Drawer) -> Card:
     verdict = NO_RESULT if row["digest"] is None else shown_verdict(row)
     own = ", ".join(f"{key} = {value}" for key, value in item.columns.items() if key not in COLUMNS)
     picture = "" if row["digest"] is None else drawer.picture(item, str(row["file"]))
-    return Card(item.name, verdict.words, verdict.colour, own, str(row["message"]), picture)
+    told = "; ".join(filter(None, (own, _figures(row))))
+    return Card(item.name, verdict.words, verdict.colour, told, str(row["message"]), picture)
+
+
+def _figures(row: Mapping[str, Any]) -> str:
+    """Ease where it was measured, and strain: what the order of worn items depends on."""
+    eases = [(level, row.get(column)) for column, level in EASE.items()]
+    told = ", ".join(f"{level} {ease:+.1f} cm" for level, ease in eases if ease is not None)
+    strain = row["strain_p99"]
+    is_known = strain is not None and math.isfinite(strain)
+    figures = f"ease: {told}" if told else "", f"strain {100 * strain:.1f} % (99th percentile)" if is_known else ""
+    return "; ".join(filter(None, figures))
 
 
 class _Drawer:
