@@ -10,13 +10,14 @@ from tempfile import TemporaryDirectory
 import ezdxf
 import numpy as np
 import pytest
-from dxf_patterns import GARMENTS, GRADES, STYLES, TRUE_SEAMS, Style, length, middle, raglan, tshirt, write
+from dxf_patterns import GARMENTS, GRADES, STYLES, TRUE_SEAMS, Style, band, length, middle, raglan, tshirt, write
 from fuzzing import damaged, kept
 from hypothesis import given, settings
 from test_fuzz_patterns import holds_its_promise
 
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.topology import build_topology
 from warp_cloth.pattern import DraftOptions, load_pattern, read_drafted
 from warp_cloth.pattern.draft import Stated
 from warp_cloth.pattern.drafted import Draft, drafted_pattern
@@ -144,6 +145,28 @@ def test_stated_seams_are_sewn_as_the_proposed_ones(folder: Path) -> None:
     assert sides[0] == sides[1]
     figures = [drafted_pattern(draft, None).stitches for draft in (proposed, stated)]
     assert figures[0] == figures[1]
+
+
+def test_a_third_panel_is_sewn_into_a_seam_as_a_layer(folder: Path) -> None:
+    """Whatever edges it has there: the others are cut where it has a corner."""
+    pieces = tshirt()
+    side = length(pieces[0].edges[1])
+    path = write(folder / "layer.dxf", {"M": [*pieces, band("WING", side, 5.0)]})
+    draft = read_drafted(path)
+    sides = [(side_text(draft.parts, joint.one), side_text(draft.parts, joint.other)) for joint in draft.joints]
+    seams = tuple(StatedSeam((*two, "WING 0 + WING 1") if two[0] == "FRONT 1" else two) for two in sides)
+    mesh = load_pattern(path, edge=EDGE, options=DraftOptions(seams=seams))
+    joined = build_topology(mesh.triangles, mesh.vertex_count)
+    count = np.bincount(joined.triangle_edges.ravel())
+    assert count.max() == 3
+    assert mesh.texcoords is not None
+    drawn = np.linalg.norm(np.roll(mesh.texcoords, -1, axis=1) - mesh.texcoords, axis=2)
+    in_seam = count[joined.triangle_edges] == 3
+    assert drawn[in_seam].sum() == pytest.approx(3 * 0.01 * side, rel=EXACT)  # the whole of it
+    assert joined.rims is not None
+    assert len(joined.rims) == 1  # the shirt's openings; the wing's free edges are none
+    wing = mesh.points[mesh.triangles[mesh.panels == mesh.panel_names.index("WING")]]
+    assert np.linalg.norm(wing - np.roll(wing, 1, axis=1), axis=2).max() < 3.0 * EDGE  # it starts at its seam
 
 
 @pytest.mark.parametrize(

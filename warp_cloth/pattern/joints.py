@@ -14,11 +14,11 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.draft import Part
+from warp_cloth.pattern.shared_cuts import LEAST, Pair, Span, shared_cuts
 from warp_cloth.pattern.specification import Side, Stitch, short
 
 SAME_PLACE = (0.03, 0.015)  # of a joint's length, and [m]: corners of both sides that are sewn together
 TO_NOTCH = 0.04  # of a joint's length, to a notch at which the other side's corner is sewn
-LEAST = 4e-3  # [m] of an edge that is cut off
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,14 @@ class Joint:
     confidence: float = 1.0
     reason: str = "stated"
     right_to_wrong: bool = False
+    is_layer: bool = False  # one of several of the same seam
 
 
 @dataclass(frozen=True)
 class StatedSeam:
-    """A seam as a scene states it: two sides, such as "FRONT 3" and "BACK 5 + BACK 6"."""
+    """A seam as a scene states it: two sides, such as "FRONT 3" and "BACK 5 + BACK 6", or more: layers."""
 
-    sew: tuple[str, str]
+    sew: tuple[str, ...]
     right_to_wrong: bool = False
 
 
@@ -57,13 +58,15 @@ def stated_joints(file: str, parts: Sequence[Part], seams: Sequence[StatedSeam])
     for number, seam in enumerate(seams):
         place = f"{file}: seam {number}"
         runs = [_run(place, text, parts) for text in seam.sew]
-        for side in (*runs[0], *runs[1]):
+        for side in (side for run in runs for side in run):
             if side in used:
                 name = side_text(parts, [side])
-                _refuse(place, f'"{short(name)}" is sewn by seam {used[side]}, too', "sew each edge once")
+                remedy = "sew each edge once; a seam of three panels is one seam of three sides"
+                _refuse(place, f'"{short(name)}" is sewn by seam {used[side]}, too', remedy)
             used[side] = number
-        joints.append(Joint(runs[0], runs[1][::-1] if _one_panel(runs[1]) else runs[1], 1.0, "stated",
-                            seam.right_to_wrong))  # fmt: skip
+        for layer in runs[1:]:
+            other = layer[::-1] if _one_panel(layer) else layer
+            joints.append(Joint(runs[0], other, 1.0, "stated", seam.right_to_wrong, len(runs) > 2))
     return tuple(_in_order(parts, joints))
 
 
@@ -161,12 +164,10 @@ def cut(parts: Sequence[Part], joints: Sequence[Joint]) -> Cut:
     from one corner to the next.
     """
     at: dict[Side, set[float]] = {}
-    pairs: list[list[tuple[tuple[Side, float], tuple[Side, float]]]] = []
-    for joint in joints:
-        pairs.append(_pairs(parts, joint))
-        for pair in pairs[-1]:
-            for side, low in pair:
-                at.setdefault(side, set()).add(low)
+    found_pairs = [_pairs(parts, joint) for joint in joints]
+    pairs = shared_cuts(found_pairs, lambda side: parts[side.panel].edges[side.edge].length)
+    for side, low, _ in (span for own in pairs for pair in own for span in pair):
+        at.setdefault(side, set()).add(low)
     places: dict[tuple[Side, float], int] = {}
     edges = []
     for index, part in enumerate(parts):
@@ -178,15 +179,20 @@ def cut(parts: Sequence[Part], joints: Sequence[Joint]) -> Cut:
                 made.append((part.numbers[k], edge if (low, high) == (0.0, 1.0) else edge.part(low, high)))
         edges.append(tuple(made))
     stitches = [
-        Stitch(number, (Side(a.panel, places[a, low]), Side(b.panel, places[b, start])), joint.right_to_wrong)
+        Stitch(
+            number,
+            (Side(a.panel, places[a, low]), Side(b.panel, places[b, start])),
+            joint.right_to_wrong,
+            joint.is_layer,
+        )
         for number, (joint, found) in enumerate(zip(joints, pairs, strict=True))
-        for (a, low), (b, start) in found
+        for (a, low, _), (b, start, _) in found
     ]
     return Cut(tuple(edges), tuple(stitches))
 
 
-def _pairs(parts: Sequence[Part], joint: Joint) -> list[tuple[tuple[Side, float], tuple[Side, float]]]:
-    """Pieces of both sides that meet, each as its edge and the fraction at which it starts along that edge."""
+def _pairs(parts: Sequence[Part], joint: Joint) -> list[Pair]:
+    """Pieces of both sides that meet."""
     runs = []
     for run in (joint.one, joint.other):
         lengths = np.array([parts[side.panel].edges[side.edge].length for side in run])
@@ -214,12 +220,13 @@ def _pairs(parts: Sequence[Part], joint: Joint) -> list[tuple[tuple[Side, float]
     return pairs
 
 
-def _place(run: Sequence[Side], reach: Floats, low: float, high: float, against: bool) -> tuple[Side, float]:
-    """The edge of a run on which a piece lies, and the fraction of that edge at which it starts."""
+def _place(run: Sequence[Side], reach: Floats, low: float, high: float, against: bool) -> Span:
+    """The edge of a run on which a piece lies, and the fractions of that edge from which to which it reaches."""
     index = int(np.clip(np.searchsorted(reach, 0.5 * (low + high)) - 1, 0, len(run) - 1))
     span = reach[index + 1] - reach[index]
-    share = (reach[index + 1] - high) / span if against else (low - reach[index]) / span
-    return run[index], float(share) if share > 1e-9 else 0.0
+    ends = (reach[index + 1] - high, reach[index + 1] - low) if against else (low - reach[index], high - reach[index])
+    first, last = (float(end / span) for end in ends)
+    return run[index], first if first > 1e-9 else 0.0, last if last < 1.0 - 1e-9 else 1.0
 
 
 def _to_notch(

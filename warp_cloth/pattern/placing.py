@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,7 +43,21 @@ def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> 
             break
         for index, wrap in led.items():
             found[index] = wrap
-    return tuple(wrap or _aside(parts[index], figure, index) for index, wrap in enumerate(found))
+    laid = [wrap or _aside(parts[index], figure, index) for index, wrap in enumerate(found)]
+    layers = Counter(joint.one for joint in joints if joint.is_layer)
+    for joint in reversed(joints):
+        if joint.is_layer:
+            layers[joint.one] -= 1  # how many layers of this seam come before
+            for panel in {side.panel for side in joint.other if parts[side.panel].kind in (*STRIPS, "")}:
+                laid[panel] = _farther_out(laid[panel], (layers[joint.one] + 1) * GAP)
+    return tuple(laid)
+
+
+def _farther_out(wrap: Wrap, apart: float) -> Wrap:
+    """A part laid outside of where it was, by so much [m], and as much wider where it is bent round something."""
+    wider = 1.0 + apart * np.abs(wrap.curvature)[:, None]
+    out = wrap.outward / np.linalg.norm(wrap.outward, axis=1, keepdims=True)
+    return replace(wrap, origin=wrap.origin + apart * out, across=wrap.across * wider, outward=wrap.outward * wider)
 
 
 def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
@@ -239,13 +255,20 @@ def _led(parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Wrap | 
     own: list[Floats] = []
     there: list[Floats] = []
     for joint in joints:
-        for mine, theirs in ((joint.one, joint.other), (joint.other, joint.one)):
+        for mine, theirs, against in ((joint.one, joint.other, False), (joint.other, joint.one, True)):
             if len(mine) == len(theirs):
                 for a, b in zip(mine, theirs, strict=True):
                     wrap = found[b.panel]
                     if a.panel == index and b.panel != index and wrap is not None:
                         own.append(np.concatenate(_beside(parts, a, False, 1.0)))
                         there.append(wrap.placed(np.concatenate(_beside(parts, b, True, -1.0))))
+            elif {side.panel for side in mine} == {index} and index not in {side.panel for side in theirs}:
+                beside = [_beside(parts, side, not against, -1.0) for side in theirs]
+                laid = [(found[side.panel], two) for side, two in zip(theirs, beside, strict=True)]
+                placed = [[wrap.placed(points) for points in two] for wrap, two in laid if wrap is not None]
+                if len(placed) == len(theirs):
+                    own += _evenly([_beside(parts, side, against, 1.0) for side in mine])
+                    there += _evenly(placed)
     if not own:
         return None
     p, q = np.concatenate(own), np.concatenate(there)
@@ -256,6 +279,14 @@ def _led(parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Wrap | 
     up = parts[index].up
     across = turn @ np.array([up[1], -up[0], 0.0])
     return flat_wrap(up, middle[:2], target, across, turn @ np.array([*up, 0.0]))
+
+
+def _evenly(run: Sequence[Sequence[Floats]]) -> list[Floats]:
+    """Points along the edges of a run, and beside them, as many on a run of any number of edges; shape [9, n] each."""
+    along, beside = (np.concatenate([each[k] for each in run]) for k in (0, 1))
+    reach = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(along, axis=0), axis=1))])
+    shares = np.linspace(0.0, reach[-1], 9)
+    return [np.column_stack([np.interp(shares, reach, axis) for axis in each.T]) for each in (along, beside)]
 
 
 def _beside(parts: Sequence[Part], side: Side, against: bool, inward: float) -> tuple[Floats, Floats]:

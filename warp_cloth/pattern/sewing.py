@@ -145,7 +145,8 @@ def _one_to_many(
     lengths = np.array([_length(pattern, run) for run in runs])
     in_turn, as_layers = abs(float(np.log(lengths.sum() / whole))), float(np.abs(np.log(lengths / whole)).max())
     places = _along(pattern, side, runs)
-    are_layers = as_layers < in_turn and float(np.ptp(places)) < APART
+    are_stated = all(stitch.is_layer for stitch in stitches)
+    are_layers = are_stated or (as_layers < in_turn and float(np.ptp(places)) < APART)
     if (as_layers if are_layers else in_turn) > np.log(UNEQUAL):
         listed = " and ".join(f"{1e3 * length:.0f}" for length in lengths[:4])
         problem = (

@@ -93,6 +93,7 @@ class Stitch:
     number: int
     sides: tuple[Side, Side]
     right_to_wrong: bool | None  # None: not stated
+    is_layer: bool = False  # stated with others as layers of one seam, wherever they are placed
 
 
 @dataclass(frozen=True, eq=False)

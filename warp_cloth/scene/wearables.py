@@ -76,10 +76,12 @@ class PinSpec(Table):
 
 
 class SeamSpec(Table):
-    """A seam of a DXF pattern: two runs of edges that are sewn together."""
+    """A seam of a DXF pattern: two runs of edges that are sewn together, or more, as layers."""
 
-    sew: tuple[str, str] = Field(
-        description='Both sides, each "PIECE EDGE", or several such joined by +: ["SLEEVE 2", "BACK 3 + FRONT 5"].'
+    sew: tuple[str, ...] = Field(
+        min_length=2,
+        max_length=8,
+        description='Its 2 to 8 sides, each "PIECE EDGE" or several joined by +: ["SLEEVE 2", "BACK 3 + FRONT 5"].',
     )
     right_to_wrong: bool = Field(
         default=False, description="Whether the right side of one cloth is sewn to the wrong side of the other."
