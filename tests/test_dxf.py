@@ -23,6 +23,7 @@ from warp_cloth.pattern.draft import Stated
 from warp_cloth.pattern.drafted import Draft, drafted_pattern
 from warp_cloth.pattern.joints import StatedSeam, side_text
 from warp_cloth.pattern.proposal import SEWN_FROM
+from warp_cloth.scene import load_scene
 
 EDGE = 0.03  # [m]; coarse, for speed
 EXACT = 1e-3  # relative: what outlines may differ by from what was drafted
@@ -183,6 +184,12 @@ def test_a_third_panel_is_sewn_into_a_seam_as_a_layer(folder: Path) -> None:
 def test_what_does_not_fit_the_file_is_refused(folder: Path, options: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         drafted(folder, "tshirt", **options)
+
+
+@pytest.mark.parametrize("sides", [[], ["FRONT 1"], ["FRONT 1"] * 9])
+def test_a_seam_has_two_to_eight_sides(sides: list[str]) -> None:
+    with pytest.raises(InputError, match=f"a seam has 2 to 8 sides, not {len(sides)}"):
+        load_scene({"garment": {"pattern": "x.dxf", "seam": [{"sew": sides}]}})
 
 
 def test_a_piece_that_is_sewn_to_nothing_is_named(folder: Path) -> None:

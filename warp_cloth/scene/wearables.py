@@ -37,6 +37,7 @@ Degrees = Annotated[Real, Field(ge=-360, le=360)]
 LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
 # GarmentCode simulates its designs at this: 7,000 vertices for a T-shirt and trousers, and folds of 6 cm
 PATTERN_EDGE_MM = 15.0
+MOST_SIDES = 8  # of a seam; as many layers as a GarmentCode stitch may name
 FABRIC_KEYS = frozenset(field.name for field in fields(Fabric))
 
 
@@ -79,13 +80,18 @@ class SeamSpec(Table):
     """A seam of a DXF pattern: two runs of edges that are sewn together, or more, as layers."""
 
     sew: tuple[str, ...] = Field(
-        min_length=2,
-        max_length=8,
         description='Its 2 to 8 sides, each "PIECE EDGE" or several joined by +: ["SLEEVE 2", "BACK 3 + FRONT 5"].',
     )
     right_to_wrong: bool = Field(
         default=False, description="Whether the right side of one cloth is sewn to the wrong side of the other."
     )
+
+    @field_validator("sew", mode="after")
+    @classmethod
+    def _sides(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        if not 2 <= len(value) <= MOST_SIDES:
+            raise refusal(f"a seam has 2 to {MOST_SIDES} sides, not {len(value)}", "name what is sewn together")
+        return value
 
 
 class PieceSpec(Table):
