@@ -14,6 +14,7 @@ from warp_cloth.anatomy.openings import ARMS, LEGS
 from warp_cloth.anatomy.raising import LEGS_AWAY, raised_limb, standing_leg
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM
 from warp_cloth.base.curves import arc_lengths, resampled
+from warp_cloth.dressing.catching_up import MOST, catch_up
 from warp_cloth.dressing.loose_cloth import met
 from warp_cloth.dressing.panels import CLOSED, legs_parted, skirt_closed
 from warp_cloth.dressing.posing import STATIONS, PosedBody
@@ -221,6 +222,17 @@ def test_an_arm_comes_upon_cloth_that_is_near_where_it_moves() -> None:
     assert 0.05 < found < 0.12  # the hand moves by 0.15
     assert met([none] * 5, cloth, before, after) == 0.0
     assert met(loose, cloth, before, before) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("counts", "bursts"),
+    [([0], 0), ([40, 10, 0], 2), ([40, 20, 20], 2), ([40, 41], 1), ([2**n for n in range(20, 0, -1)], MOST)],
+    ids=["nothing is pulled", "it comes after", "the rest is tight", "all is tight", "it takes long"],
+)
+def test_cloth_is_relaxed_while_it_comes_after_a_limb(counts: list[int], bursts: int) -> None:
+    left, relaxed = iter(counts), []
+    catch_up(lambda: next(left), lambda: relaxed.append(None))
+    assert len(relaxed) == bursts
 
 
 @pytest.mark.parametrize(("girth", "is_so"), [(0.9, True), (0.7, False)])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from warp_cloth.avatar.contact import followed
 from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Points
+from warp_cloth.dressing.catching_up import PULLED, catch_up
 from warp_cloth.dressing.loose_cloth import STEP as MEETING_STEP
 from warp_cloth.dressing.loose_cloth import loose_cloth, met
 from warp_cloth.dressing.panels import parted
@@ -286,6 +288,11 @@ class Dresser:
         self._slid = slid
         self._meet_body()
         self._relax(BURST)
+        catch_up(self._pulled, partial(self._relax, BURST))
+
+    def _pulled(self) -> int:
+        """How many edges are stretched beyond those of cloth that lies."""
+        return int((edge_strains(self._problem.model) > PULLED).sum())
 
     def ended(self) -> PosedStart:
         points = self._points
