@@ -94,6 +94,9 @@ def fit(
         check_inputs_kept(chosen, out, suffixes)
         clock.lap("load")
         with output_folder(out, chosen.name), _display() as display:
+            with collector_paused():
+                import_module("warp")
+            clock.lap("import")
             start_warp(verbose)
             clock.lap("warp")
             wanted = {"device": device, "frames": frames, "maps": map_names, "start": start, "band": band}
