@@ -172,6 +172,16 @@ def test_a_picture_without_one_whole_drape_is_refused(tmp_path: Path) -> None:
             read_drape(tmp_path / name, SETTING)
 
 
+def test_an_outline_shorter_than_the_rim_is_refused(tmp_path: Path) -> None:
+    """Cloth does not shrink: a circle close round the support is the plate's edge, or its shadow."""
+    pixels = np.full((300, 300, 3), 230, dtype=np.uint8)
+    y, x = np.mgrid[:300, :300]
+    pixels[np.hypot(x - 150, y - 150) < 1.1 * 1e3 * SETTING.support] = 20
+    Image.fromarray(pixels).save(tmp_path / "circle.png")
+    with pytest.raises(InputError, match="cloth does not shrink"):
+        read_drape(tmp_path / "circle.png", replace(SETTING, metres_per_pixel=1e-3))
+
+
 def test_the_table_rises_with_the_bending_length() -> None:
     for ratio in (4.0 / 3.0, 1.5, 5.0 / 3.0, 2.0):
         assert (np.diff(drapes_of_ratio(ratio).coefficient) > 0.0).all()

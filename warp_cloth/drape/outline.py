@@ -39,6 +39,12 @@ class Outline:
         return 100.0 * (float(np.mean(self.radius**2)) - 1.0) / (ratio**2 - 1.0)
 
     @property
+    def length(self) -> float:
+        """Of the rim as seen from above [support radii]; folds that hang over others are cut short."""
+        along = np.exp(2.0j * np.pi * np.arange(ANGLES) / ANGLES) * self.radius
+        return float(np.abs(along - np.roll(along, 1)).sum())
+
+    @property
     def reach(self) -> float:
         """Radius of the farthest tip."""
         return float(self.smooth.max())
