@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import signal
+import socket
 import stat
 import subprocess
 import sys
@@ -13,11 +14,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from warp_cloth.base.errors import InputError
 from warp_cloth.base.first_run import FOLDER
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.cli.main import app
-from warp_cloth.cli.resident import forget
-from warp_cloth.cli.resident_client import ENDING
+from warp_cloth.cli.resident import forget, listening
+from warp_cloth.cli.resident_client import ENDING, PREFIX
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="residents are for Linux")
 
@@ -144,6 +146,17 @@ def test_a_resident_ends_after_a_failure_and_when_idle(folder: Path) -> None:
     idle = started(0.1)
     idle.communicate(timeout=PATIENCE)
     assert (process.returncode, idle.returncode) == (0, 0)
+    assert not list(folder.glob(f"*{ENDING}"))
+
+
+def test_sockets_of_killed_residents_go_and_live_ones_stay(folder: Path) -> None:
+    killed, one, other = (folder / f"{PREFIX}{name}{ENDING}" for name in ("killed", "one", "other"))
+    with socket.socket(socket.AF_UNIX) as line:
+        line.bind(str(killed))
+    with listening(one), listening(other):
+        assert {one, other} == set(folder.glob(f"*{ENDING}"))
+        with pytest.raises(InputError, match="there is one already"), listening(one):
+            pass
     assert not list(folder.glob(f"*{ENDING}"))
 
 

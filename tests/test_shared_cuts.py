@@ -39,3 +39,10 @@ def test_cuts_that_are_all_but_one_are_one(apart: float) -> None:
     ends = [{span[1:] for pair in own for span in pair if span[0] == A} for own in found]
     assert ends[0] == ends[1]
     assert len(ends[0]) == (2 if apart < LEAST else 3)
+
+
+def test_the_last_millimetres_of_an_edge_are_sewn_to_its_last_piece() -> None:
+    at = 1.0 - 0.5 * LEAST
+    short = [((A, 0.0, at), (C, 0.0, 1.0)), ((A, at, 1.0), (D, 0.0, 1.0))]
+    found = shared_cuts([whole(A, B), short], length)
+    assert all(low < 1.0 for own in found for pair in own for _, low, _ in pair)

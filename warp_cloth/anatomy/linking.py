@@ -170,24 +170,27 @@ class Wearing:
     @cached_property
     def above_waist(self) -> float:
         """How far above the waist is to start what hangs from there [m]; 0: it is not, or it hangs from the bust."""
-        above = self._top_over_waist
-        return max(above, 0.0) if self.hangs_from_waist and above < BUST * self._waist_to_shoulders else 0.0
+        return 0.0 if not self.hangs_from_waist or self._begins_at_bust else max(self._top_over_waist, 0.0)
 
     @property
     def is_held_by_hips(self) -> bool:
-        """Whether it is a skirt that does not begin at the bust."""
-        return self.is_skirt and self._top_over_waist < BUST * self._waist_to_shoulders
+        """Whether it is a skirt that begins below the bust, so that the hips hold it."""
+        return self.is_skirt and not self._begins_at_bust
+
+    @cached_property
+    def _top(self) -> Opening:
+        """The opening that is to start highest."""
+        return max(self.openings, key=lambda opening: float(self.onto[opening.loop].mean(axis=0) @ self.skeleton.up))
 
     @property
     def _top_over_waist(self) -> float:
-        """How far above the waist the highest opening is to start [m]."""
-        up = self.skeleton.up
-        top = max((float(self.onto[opening.loop].mean(axis=0) @ up) for opening in self.openings), default=0.0)
-        return top - float(self.skeleton.waist @ up)
+        """How far above the waist it is to start [m]."""
+        return float((self.onto[self._top.loop].mean(axis=0) - self.skeleton.waist) @ self.skeleton.up)
 
     @property
-    def _waist_to_shoulders(self) -> float:
-        return float((self.skeleton.shoulders - self.skeleton.waist) @ self.skeleton.up)
+    def _begins_at_bust(self) -> bool:
+        waist_to_shoulders = float((self.skeleton.shoulders - self.skeleton.waist) @ self.skeleton.up)
+        return self._top_over_waist >= BUST * waist_to_shoulders
 
     @property
     def is_round_head(self) -> bool:
@@ -222,22 +225,23 @@ class Wearing:
 
         Trousers no farther than to ``below_crotch`` under the body's crotch; they may lie above it.
         """
-        drop, up = self.drop(points), self.skeleton.up
-        if not len(self.between_legs):
-            return drop
-        body_crotch, crotch = float((self.skeleton.spine @ up).min()), float((points[self.between_legs] @ up).min())
-        return min(drop, body_crotch - below_crotch - crotch)
+        return min(self.drop(points), self._below_crotch(points) - below_crotch)
 
     def drop(self, points: Points) -> float:
         """How far the opening that starts highest has come down from its place on the body, at ``points`` [m]."""
-        up = self.skeleton.up
-        start = [float(self.onto[opening.loop].mean(axis=0) @ up) for opening in self.openings]
-        top = int(np.argmax(start))
-        return start[top] - float(points[self.openings[top].loop].mean(axis=0) @ up)
+        return float((self.onto[self._top.loop] - points[self._top.loop]).mean(axis=0) @ self.skeleton.up)
 
     def sunk(self, points: Points) -> bool:
         """Whether a garment that hangs from the waist has slid down it, at ``points`` [m]."""
-        return self.hangs_from_waist and self.rise(points) - self.above_waist > SUNK * self.skeleton.span
+        sunk = min(self.drop(points) - self.above_waist, self._below_crotch(points))
+        return self.hangs_from_waist and sunk > SUNK * self.skeleton.span
+
+    def _below_crotch(self, points: Points) -> float:
+        """How far the crotch of trousers at ``points`` is below the body's [m]; infinite: it is none."""
+        if not len(self.between_legs):
+            return float("inf")
+        up = self.skeleton.up
+        return float((self.skeleton.spine @ up).min()) - float((points[self.between_legs] @ up).min())
 
     def misplaced(self, points: Points) -> list[Misplaced]:
         """The openings that the wrong limbs pass through, with the garment at ``points`` [m]."""

@@ -20,7 +20,7 @@ NEAR_PLANE = 0.25  # that far before and behind the root
 ON_TOP = 0.56
 BEGAN = 0.5  # the same where a garment starts, perhaps a little low; what begins by the neck may start at the root
 ON_ARM = 1.25  # cloth that begins so far out lies on the arm, however that is raised
-ROOT = 1.0  # the same of cloth that began by the neck
+ROOT = 1.0  # the arm's root: cloth on a shoulder starts no farther out, nor is worn so if it began by the neck
 # Cloth that begins so near the neck lies on the shoulder, however low: between the neck and a raised arm is a hollow.
 BY_NECK = 0.75
 # A garment has slipped to one side where it begins so far out on that side, and so near the middle on the other one,

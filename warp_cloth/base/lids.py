@@ -20,7 +20,9 @@ def with_tips(vertices: Points, rims: Rims) -> Points:
 
 
 def cones(triangles: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], tuple[NDArray[np.int64], ...]]:
-    """Triangles that close a surface of ``count`` vertices, with tips numbered from ``count`` on, and their rims.
+    """Triangles, shape [N, 3], that close a surface of ``count`` vertices, with tips numbered from there on, and rims.
+
+    ``triangles`` of the surface have shape [F, 3]; each rim's vertices have shape [R].
 
     An edge along which its triangles run more often in one direction gets as many cone triangles in the other. Where
     triangles are wound consistently these edges are the rims of holes, and the cones close them.

@@ -6,8 +6,9 @@ entries, are summed from contiguous memory without indices.
 Own code, for speed: fitting the hinges of a T-shirt with 57,000 vertices takes 1.11 s of CPU time with it, 1.46 s with
 ``numpy.bincount`` (7,000 vertices: 0.13 s both). SciPy's CSR product gives the same bits four times as fast (7,000
 vertices: 0.06 and 0.23 ms), but importing ``scipy.sparse`` takes 0.14 s, longer than all sums of a T-shirt: it is used
-where something else has imported it already, as meshing a pattern has. Several vectors at once take it half of the
-time. Where its build rounds products and sums together (fused multiply-add), it is not used for entries with factors.
+where something else has imported it already, as meshing a pattern has. K vectors in one product take half as long
+as one after another. Where its build rounds products and sums together (fused multiply-add), it is not used for
+entries with factors.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from warp_cloth.base.topology import ragged_rows
 Floats = NDArray[np.float64]
 Columns = NDArray[np.intp]
 
-# Starts of rows, shape [rows + 1], and the entries row by row, shape [N]; None: they are in that order
+# Starts of rows, shape [rows + 1], and the entries row by row, shape [N]; None: they are row by row already
 Grouped = tuple[NDArray[np.integer], NDArray[np.integer] | None]
 
 LONGEST = 64  # entries of a row that is added entry by entry; longer rows are few

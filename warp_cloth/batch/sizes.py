@@ -18,6 +18,7 @@ from warp_cloth.batch.jobs import PLAIN_NAME
 from warp_cloth.fitting.fit import Caches, Fit, fit_loaded
 from warp_cloth.maps import chosen_maps
 from warp_cloth.maps.girths import garment_girths
+from warp_cloth.maps.measure import add_girths
 from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
 from warp_cloth.pattern import read_drafted
@@ -72,9 +73,7 @@ class SizeFit:
     @property
     def figures(self) -> str:
         """Ease at each level, or that it is not reached, and strain, in a line."""
-        levels = [f"{name} {100 * level.ease:+.1f} cm" for name, level in self.levels.items()]
-        if self.fit is not None and self.levels:
-            levels = ease_lines(self.fit.report)
+        levels = ease_lines(self.fit.report) if self.fit is not None and self.levels else []
         strain = self.message
         if self.strain_p99 is not None:
             strain = f"strain {100 * self.strain_p99:.1f} % (99th percentile)"
@@ -296,7 +295,8 @@ def unusable_size(size: str, message: str) -> SizeFit:
 
 
 def measured_size(size: str, worn: Fit) -> SizeFit:
-    """A size as it is worn, with what a recommendation needs."""
+    """A size as it is worn, with what a recommendation needs; its girths are put into its report."""
+    add_girths(worn)
     levels = _levels(worn) if worn.avatar is not None and worn.status is not Status.DIVERGED else {}
     strain, held = worn.report["strain"], not any(problem.code in UNHELD for problem in worn.problems)
     return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn, held, worn.worn)

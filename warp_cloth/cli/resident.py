@@ -22,10 +22,12 @@ from warp_cloth.base.device import begin_waking, device_named
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Device
-from warp_cloth.cli.resident_client import LENGTH, PATIENCE, READY, is_ours, resident_place
+from warp_cloth.cli.resident_client import ENDING, LENGTH, PATIENCE, PREFIX, READY, is_ours, resident_place
 from warp_cloth.cli.terminal import INTERRUPTED, one_line_errors
 
-INTERRUPT = signal.SIGUSR1  # interrupts a command; not SIGINT, which shells let what they start with & ignore
+INTERRUPT = getattr(
+    signal, "SIGUSR1", signal.SIGINT
+)  # interrupts a command; not SIGINT, which shells let what they start with & ignore
 FAILED = 1  # exit status of an error that nobody expected
 
 
@@ -72,22 +74,39 @@ def listening(place: Path) -> Iterator[socket.socket]:
     Raises:
         InputError: a resident listens there already, or the place cannot be written.
     """
-    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as line:
-        line.connect(str(place))
+    if _is_live(place):
         raise InputError("resident", "there is one already", "use that one")
+    for other in place.parent.glob(f"{PREFIX}*{ENDING}"):  # of those that were killed: each fit looks at them
+        if not _is_live(other):
+            other.unlink(missing_ok=True)
     with socket.socket(socket.AF_UNIX) as listener:
         try:
             place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            place.unlink(missing_ok=True)  # of one that was killed
             os.fchmod(listener.fileno(), 0o600)  # before anybody can connect; Linux gives the file this mode
             listener.bind(str(place))
+            own = place.stat().st_ino
         except OSError as error:
             raise InputError(str(place), error.strerror or str(error), "set WARP_CLOTH_CACHE") from None
         try:
             listener.listen(1)
             yield listener
         finally:
-            place.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                if place.stat().st_ino == own:  # not that of another one, which began at the same moment
+                    place.unlink()
+
+
+def _is_live(place: Path) -> bool:
+    """Whether a resident listens there, busy or not."""
+    with socket.socket(socket.AF_UNIX) as line:
+        line.settimeout(PATIENCE)
+        try:
+            line.connect(str(place))
+        except (BlockingIOError, TimeoutError):  # so many wait for it
+            return True
+        except OSError:
+            return False
+    return True
 
 
 def serve(listener: socket.socket, command: Callable[[], None], patience: float) -> None:
@@ -98,7 +117,7 @@ def serve(listener: socket.socket, command: Callable[[], None], patience: float)
     with contextlib.suppress(TimeoutError):
         while going_on:
             line, _ = listener.accept()
-            with line, contextlib.suppress(OSError):  # a client that is gone
+            with line, contextlib.suppress(OSError, ValueError, KeyError):  # a client that is gone, or asks nonsense
                 going_on = not is_ours(line) or _answer(line, command)
             forget()
 
@@ -190,6 +209,7 @@ def _standing_for(request: Mapping[str, Any], streams: list[int]) -> Iterator[No
             os.close(stream)
         os.umask(mask)
         folder, environment, sys.argv, sys.stdout, sys.stderr, sys.unraisablehook = own
-        os.chdir(folder)
         os.environ.clear()
         os.environ.update(environment)
+        with contextlib.suppress(OSError):  # its folder may be gone
+            os.chdir(folder)

@@ -86,7 +86,13 @@ class Dresser:
         watching: bool,
         worn: Points | None = None,
     ) -> None:
-        """``worn``: where the garment lies on the body at home [m]; None: as panels, round the body posed within it."""
+        """
+        Args:
+            offset: of the garment from the skin [m].
+            lifted: whether it is lifted over the shoulders before it is sewn.
+            watching: whether shapes are kept for the film.
+            worn: where it lies on the body at home [m]; None: as panels, round the body posed within it.
+        """
         (wearing,), avatar = outfit.wearing, outfit.avatar
         if wearing is None or avatar is None:
             raise ValueError("the garment has no openings, or the avatar no limbs")
@@ -291,7 +297,7 @@ class Dresser:
         catch_up(self._pulled, partial(self._relax, BURST))
 
     def _pulled(self) -> int:
-        """How many edges are stretched beyond those of cloth that lies."""
+        """How many edges are stretched beyond PULLED."""
         return int((edge_strains(self._problem.model) > PULLED).sum())
 
     def ended(self) -> PosedStart:

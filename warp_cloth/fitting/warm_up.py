@@ -27,16 +27,16 @@ KINDS: tuple[tuple[str, tuple[str, ...]], ...] = (
 def warm_up(
     device: str,
     on_kind: Callable[[str], None] = lambda _: None,
-    kinds: Sequence[tuple[str, tuple[str, ...]]] | None = None,
+    kinds: Sequence[tuple[str, tuple[str, ...]]] = KINDS,
 ) -> None:
     """Fits each usual kind of scene for a moment on a device ("cpu", "cuda:0"), and writes the first one's files.
 
-    ``on_kind`` is called with the name of each that begins; ``kinds``: other ones than all.
+    ``on_kind`` is called with the name of each that begins; ``kinds``: which; all by default.
 
     Raises:
         OutputError: Warp's folder of compiled kernels cannot be written.
     """
-    for number, (scene, changes) in enumerate(dict.fromkeys(KINDS if kinds is None else kinds)):
+    for number, (scene, changes) in enumerate(dict.fromkeys(kinds)):
         on_kind(" ".join((scene, *changes)))
         begun = fit(scene, device=device, overrides=(*changes, ITERATIONS))
         if number == 0:

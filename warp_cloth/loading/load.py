@@ -110,6 +110,7 @@ def load_mesh(
 
 
 def _doubts(raw: RawMesh, sound: Repaired, role: Role, up: UpAxis | None) -> list[str]:
+    """Notes on what may be meant otherwise: the axis of a body, texture coordinates that are no panels."""
     notes = []
     if role == "avatar" and up is None and raw.axis_unknown and lies(sound.points, sound.triangles):
         notes.append(

@@ -26,7 +26,7 @@ def shared_cuts(pairs: Sequence[Sequence[Pair]], length: Callable[[Side], float]
         return found
     stops = _Stops(length)
     for _ in range(ROUNDS):
-        found = [[(stops.at(a), stops.at(b)) for a, b in own] for own in found]
+        found = [[(stops.snapped(a), stops.snapped(b)) for a, b in own] for own in found]
         parted = [[part for pair in own for part in _parted(pair, stops)] for own in found]
         if parted == found:
             break
@@ -41,10 +41,11 @@ class _Stops:
         self.length = length
         self.of: dict[Side, list[float]] = {}
 
-    def at(self, span: Span) -> Span:
-        """A span that ends at stops."""
+    def snapped(self, span: Span) -> Span:
+        """A span that ends at stops, to which its ends are added; what is shorter than LEAST is the piece it is at."""
         side, low, high = span
-        return side, self._at(side, low), self._at(side, high)
+        low, high = self._at(side, low), self._at(side, high)
+        return side, max(stop for stop in self.of[side] if stop < 1.0) if low == 1.0 else low, high
 
     def _at(self, side: Side, place: float) -> float:
         known = self.of.setdefault(side, [0.0, 1.0])
@@ -72,5 +73,5 @@ def _parted(pair: Pair, stops: _Stops) -> list[Pair]:
     made = []
     for one, other in pairwise([*shares, 1.0]):
         there = (b, end - other * (end - start), end - one * (end - start))
-        made.append((stops.at((a, low + one * (high - low), low + other * (high - low))), stops.at(there)))
+        made.append((stops.snapped((a, low + one * (high - low), low + other * (high - low))), stops.snapped(there)))
     return made

@@ -21,7 +21,7 @@ def notes_of(report: Mapping[str, Any]) -> list[str]:
         holes = counted(contact["holes_closed"], "hole")
         notes.append(
             f"avatar: {holes} closed, {lids:.2g} m2 in all: is part of the body missing, such as the half that a "
-            "mirror modifier would add? A scan's holes are better filled by the scanner's program"
+            "mirror modifier would add? A scan's holes are better filled in the scanning software"
         )
     if sheets:
         notes.append(f"avatar: {counted(sheets, 'loose sheet')} (hair, for example) ignored: only solid parts collide")

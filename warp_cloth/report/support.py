@@ -22,9 +22,9 @@ HANGING = 0.5
 # Of the avatar's height: how far the top opening of a worn garment comes down at most. Of 81 designs at rest, fitted
 # skirts settle by up to 0.084, and two strapless tops slide down by 0.1; hoods and collars fold down further.
 SLID, FOLDED = 0.09, 0.18
-# Of the way from the waist down to the crotch: how low the top of a skirt rests at most, wherever it started. Hips hold
-# it above there: they are widest at 0.85 to 0.95.
-HIPS = 0.67
+# Of the way from the waist down to the crotch: how low the top of a skirt rests at most, wherever it started. The hips
+# hold it above there: they are widest at 0.85 to 0.95.
+LOWEST_TOP = 0.67
 NECK = 0.8  # of the avatar's height, above which a top opening is a collar or a hood
 NARROWEST = 0.06  # of the avatar's height: the girth of an opening for a limb; less is a buttonhole
 # What a garment with shoulders and legs must stretch by to go round the trunk lengthwise. Of eight such designs seven
@@ -119,15 +119,15 @@ def slid_down(judged: Judged) -> FitProblem | None:
     start, height = (judged.garment.points if wearing is None else wearing.onto)[:, 1], top - floor
     highest = max(openings, key=lambda opening: float(start[opening.vertices].mean()))
     began, ended = (float(place[highest.vertices].mean()) for place in (start, judged.points[:, 1]))
-    limit, place = height * (FOLDED if began - floor > NECK * height else SLID), "than it started"
+    limit, than = height * (FOLDED if began - floor > NECK * height else SLID), "than it started"
     if wearing is not None and wearing.is_held_by_hips:
-        waist, hips = (float(at @ wearing.skeleton.up) for at in (wearing.skeleton.waist, wearing.skeleton.spine[0]))
+        waist, crotch = (float(at @ wearing.skeleton.up) for at in (wearing.skeleton.waist, wearing.skeleton.spine[0]))
         began, ended = waist, float((judged.points[highest.vertices] @ wearing.skeleton.up).mean())
-        limit, place = HIPS * (waist - hips), "than the waist"
+        limit, than = LOWEST_TOP * (waist - crotch), "than the waist"
     elif wearing is not None:
         above = max(wearing.too_high, wearing.above_waist)
         if above > 0.0:  # it was placed higher than where it belongs: it comes down to there first
-            began, place = began - above, "than where it belongs"
+            began, than = began - above, "than where it belongs"
     if not began - ended > limit:
         return None
     if wearing is not None and wearing.is_trousers and not wearing.rise(judged.points) > limit:
@@ -135,7 +135,7 @@ def slid_down(judged: Judged) -> FitProblem | None:
     return FitProblem(
         ProblemCode.SLID_OFF,
         f'"{judged.name}" has slid down: its top opening came to rest {100 * (began - ended):.0f} cm lower '
-        f"{place} (limit {100 * limit:.0f} cm).",
+        f"{than} (limit {100 * limit:.0f} cm).",
         "It is too wide to stay up: use a smaller one, pin some of its vertices, or start it where it is to be worn.",
         judged.name,
         {"slid_mm": 1e3 * (began - ended), "limit_mm": 1e3 * limit},
