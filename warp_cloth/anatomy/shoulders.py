@@ -18,7 +18,7 @@ EDGE = (0.7, 0.95)  # where the top of the shoulder is measured
 NEAR_PLANE = 0.25  # that far before and behind the root
 # Of the height of the shoulder's top: straps on the edge of the shoulders reach 0.6, those hanging on the arms 0.52.
 ON_TOP = 0.56
-BEGAN = 0.5  # the same where a garment starts, perhaps a little low; what begins by the neck may start at the root
+BEGAN = 0.5  # the same where a garment starts, perhaps a little low
 ON_ARM = 1.25  # cloth that begins so far out lies on the arm, however that is raised
 ROOT = 1.0  # the arm's root: cloth on a shoulder starts no farther out, nor is worn so if it began by the neck
 # Cloth that begins so near the neck lies on the shoulder, however low: between the neck and a raised arm is a hollow.
@@ -78,8 +78,7 @@ class Shoulders:
         """The arms whose shoulder the garment lay over."""
         begun, skin = self.begun, self.skin
         told = [arm for arm in self.sides if np.isfinite(skin[arm])]  # on a coarse body no vertex may be there
-        lowest = {arm: 0.0 if begun[arm].inner < BY_NECK else BEGAN * skin[arm] for arm in told}
-        return [arm for arm in told if begun[arm].inner < ROOT and begun[arm].top > lowest[arm]]
+        return [arm for arm in told if _began_on(begun[arm], skin[arm])]
 
     def slipped(self, worn: Points, triangles: Indices) -> tuple[int, ...]:
         """The arms whose shoulder the garment has slipped off, with its points as worn [m], shape [V, 3]."""
@@ -126,6 +125,11 @@ def height_over_shoulders(limbs: Sequence[Limbs], points: Points, triangles: Ind
 def _with_shoulders(limbs: Sequence[Limbs]) -> list[int]:
     """The arms with an opening of their own, beside one for the head: other garments need not lie on a shoulder."""
     return [arm for arm in ARMS if (arm,) in limbs and any(HEAD in each and arm not in each for each in limbs)]
+
+
+def _began_on(cover: Cover, skin: float) -> bool:
+    """Whether cloth starts over a shoulder whose top is that high."""
+    return cover.inner < BY_NECK or (cover.inner < ROOT and cover.top > BEGAN * skin)
 
 
 def _lies(cover: Cover, skin: float, begun: Cover) -> bool:

@@ -49,7 +49,7 @@ class _Ranked:
         for place, columns in enumerate(self.columns):
             own = values.take(columns, axis=0)
             if self.factors:
-                own *= _beside(self.factors[place], own)
+                own *= _per_row(self.factors[place], own)
             total[: len(columns)] += own
         return total
 
@@ -205,10 +205,10 @@ class RowSums:
             for offset in stencil.offsets[1:]:
                 own += values[first + offset : end + offset]
             inner = sums[first - chunk.start : end - chunk.start]
-            inner[...] = own if number == 0 else np.where(_beside(stencil.flags[first:end], own), own, inner)
+            inner[...] = own if number == 0 else np.where(_per_row(stencil.flags[first:end], own), own, inner)
 
 
-def _beside(each: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
+def _per_row(each: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
     """A number for each row, shape [rows], with as many axes as ``values``."""
     return each.reshape(len(each), *(1,) * (values.ndim - 1))
 

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from warp_cloth.anatomy.levels import body_levels
-from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base import arguments
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import toml_text
@@ -17,7 +15,6 @@ from warp_cloth.batch.contact_sheet import NO_RESULT, Card, thumbnail, write_car
 from warp_cloth.batch.jobs import PLAIN_NAME
 from warp_cloth.fitting.fit import Caches, Fit, fit_loaded
 from warp_cloth.maps import chosen_maps
-from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.measure import add_girths
 from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
@@ -297,23 +294,16 @@ def unusable_size(size: str, message: str) -> SizeFit:
 def measured_size(size: str, worn: Fit) -> SizeFit:
     """A size as it is worn, with what a recommendation needs; its girths are put into its report."""
     add_girths(worn)
-    levels = _levels(worn) if worn.avatar is not None and worn.status is not Status.DIVERGED else {}
+    levels = _levels(worn) if worn.status is not Status.DIVERGED else {}
     strain, held = worn.report["strain"], not any(problem.code in UNHELD for problem in worn.problems)
     return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn, held, worn.worn)
 
 
 def _levels(worn: Fit) -> dict[str, LevelFit]:
     """The levels at which the first garment encloses the trunk."""
-    garment = worn.garments[0]
-    if worn.avatar is None or garment.rest is None:
-        return {}
-    avatar = closing_of(worn.avatar).surface(worn.avatar)
-    levels = body_levels(avatar)
-    if levels is None:
-        return {}
     found = {}
-    for row in garment_girths(garment.name, garment.points, garment.rest.sheet, avatar, levels):
-        if row["closed"]:
+    for row in worn.report["girths_mm"]:
+        if row["closed"] and row["garment"] == worn.garments[0].name:
             height, body, cut, as_worn = (
                 1e-3 * row[key] for key in ("height", "body_girth", "natural_girth", "garment_girth")
             )

@@ -25,9 +25,8 @@ from warp_cloth.cli.options import Device
 from warp_cloth.cli.resident_client import ENDING, LENGTH, PATIENCE, PREFIX, READY, is_ours, resident_place
 from warp_cloth.cli.terminal import INTERRUPTED, one_line_errors
 
-INTERRUPT = getattr(
-    signal, "SIGUSR1", signal.SIGINT
-)  # interrupts a command; not SIGINT, which shells let what they start with & ignore
+# What interrupts a command: not SIGINT, which shells let ignore what they start with &, but where there is no other.
+INTERRUPT = getattr(signal, "SIGUSR1", signal.SIGINT)
 FAILED = 1  # exit status of an error that nobody expected
 
 
@@ -134,6 +133,7 @@ def _answer(line: socket.socket, command: Callable[[], None]) -> bool:
 
     Raises:
         OSError: the client is gone, or never asked.
+        ValueError, KeyError: what it sent is no request.
     """
     line.settimeout(PATIENCE)
     line.sendall(READY)

@@ -89,7 +89,7 @@ class Dresser:
         """
         Args:
             offset: of the garment from the skin [m].
-            lifted: whether it is lifted over the shoulders before it is sewn.
+            lifted: whether what is sewn is moved to where it started at once, not pulled on.
             watching: whether shapes are kept for the film.
             worn: where it lies on the body at home [m]; None: as panels, round the body posed within it.
         """
