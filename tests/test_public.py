@@ -6,8 +6,9 @@ import pydoc
 import subprocess
 import sys
 from functools import partial
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 
+import pytest
 from typer.testing import CliRunner
 
 import warp_cloth
@@ -19,6 +20,14 @@ def test_public_names_are_listed_before_they_are_imported() -> None:
     for name in warp_cloth.__all__:
         assert getattr(warp_cloth, name).__name__ == name
     assert warp_cloth.__version__ == version("warp-cloth")
+
+
+def test_a_folder_on_the_path_has_a_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    def not_installed(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr("warp_cloth.base.version.version", not_installed)
+    assert warp_cloth.__version__ == "0+checkout"
 
 
 def test_a_fit_shows_itself() -> None:

@@ -79,9 +79,9 @@ _MODULES = {
 def __getattr__(name: str) -> Any:
     """Imports a public name on first use: Warp and USD are slow to import, and ``warp-cloth --help`` needs neither."""
     if name == "__version__":
-        from importlib.metadata import version
+        from warp_cloth.base.version import package_version
 
-        return version("warp-cloth")
+        return package_version()
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

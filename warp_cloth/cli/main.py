@@ -84,9 +84,9 @@ def _usage(error: Any) -> str:
 
 def _show_version(requested: bool) -> None:
     if requested:
-        from importlib.metadata import version
+        from warp_cloth.base.version import package_version
 
-        typer.echo(f"warp-cloth {version('warp-cloth')}")
+        typer.echo(f"warp-cloth {package_version()}")
         raise typer.Exit
 
 

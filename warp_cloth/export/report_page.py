@@ -6,11 +6,11 @@ import base64
 import json
 import math
 from collections.abc import Mapping
-from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from warp_cloth.base.version import package_version
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.report import plain
 from warp_cloth.maps.colour import shown_value
@@ -46,7 +46,7 @@ def write_report_page(path: Path, name: str, report: Mapping[str, Any], pictures
         choices=[(each["key"], shown_choice(each["value"]), each["reason"]) for each in report.get("choices") or ()],
         notes=notes_of(report),
         settings=json.dumps(report["settings"], indent=2, ensure_ascii=False),
-        version=version("warp-cloth"),
+        version=package_version(),
     )
     with whole_file(path) as place:
         place.write_text(page, encoding="utf-8")

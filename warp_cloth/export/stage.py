@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 
@@ -14,6 +13,7 @@ from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdUtils,
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points, vertex_normals
+from warp_cloth.base.version import package_version
 from warp_cloth.base.warp_setup import usd_sentence
 from warp_cloth.export.fields import Ranges, author_colours, author_fields, contiguous, unique_identifier
 from warp_cloth.export.files import whole_file
@@ -121,7 +121,7 @@ def author_root(stage: Usd.Stage, name: str, frame_count: int) -> Usd.Prim:
     if frame_count:
         stage.SetStartTimeCode(FIRST_FRAME)
         stage.SetEndTimeCode(FIRST_FRAME + frame_count - 1)
-    stage.GetRootLayer().customLayerData = {"generator": "warp_cloth", "version": version("warp-cloth")}
+    stage.GetRootLayer().customLayerData = {"generator": "warp_cloth", "version": package_version()}
     root = UsdGeom.Xform.Define(stage, Sdf.Path.absoluteRootPath.AppendChild(unique_identifier(name, "fit", set())))
     root.GetPrim().SetDisplayName(name)
     stage.SetDefaultPrim(root.GetPrim())

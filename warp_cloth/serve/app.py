@@ -8,7 +8,6 @@ import itertools
 import logging
 from collections.abc import AsyncIterator
 from http import HTTPStatus
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.version import package_version
 from warp_cloth.serve.answering import Reply, refused
 from warp_cloth.serve.catalogue import OfferedProduct
 from warp_cloth.serve.dispatcher import Dispatcher, Waiting
@@ -141,7 +141,7 @@ class Service:
         counts = self.dispatcher.counts()
         return Health(
             status="ending" if self.ending else "ok" if counts.started else "starting",
-            version=version("warp-cloth"),
+            version=package_version(),
             device=self.device,
             workers=counts.workers,
             waiting=counts.waiting,
@@ -168,7 +168,7 @@ def make_app(service: Service) -> FastAPI:
         await service.end()
 
     app: FastAPI = FastAPIOffline(
-        title="warp-cloth", version=version("warp-cloth"), description=ABOUT, lifespan=lifespan, redoc_url=None
+        title="warp-cloth", version=package_version(), description=ABOUT, lifespan=lifespan, redoc_url=None
     )
     _add_paths(app, service)
     _add_refusals(app, service)

@@ -8,7 +8,6 @@ import math
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -19,6 +18,7 @@ import warp as wp
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.threads import core_count
+from warp_cloth.base.version import package_version
 from warp_cloth.export.files import unwritable, whole_file
 from warp_cloth.garment.outfit import load_outfit, mesh_recipes
 from warp_cloth.model.next_attempt import first_attempt
@@ -112,7 +112,7 @@ class TradeStudy:
         self._within = within_mm
         self._log = log
         meshes = [recipe.key for recipe in mesh_recipes(scene)]  # these change with their files
-        key = json.dumps([scene.settings(), meshes, device, version("warp-cloth")], sort_keys=True, default=str)
+        key = json.dumps([scene.settings(), meshes, device, package_version()], sort_keys=True, default=str)
         name = f"{scene.name}_tradeoff_{hashlib.sha256(key.encode()).hexdigest()[:8]}"
         self._trials_path = folder / f"{name}.jsonl"
         self._shape = folder / f"{name}.npz"
