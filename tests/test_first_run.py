@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import warp as wp
 
 import warp_cloth
 from warp_cloth.base import first_run
@@ -36,6 +37,19 @@ load_modules(modules, "cpu")
 print(json.dumps([asked, [len(module.execs) for module in modules], len(os.listdir(wp.config.kernel_cache_dir))]))
 """
 
+ONCE = """
+import collections, json, os
+import warp._src.build as build
+compiled, own = collections.Counter(), build.build_cuda
+def count(path, *args, **kwargs):
+    compiled[os.path.basename(path).rpartition("_")[0]] += 1
+    own(path, *args, **kwargs)
+build.build_cuda = count
+import warp_cloth
+warp_cloth.fit("tshirt", device="cuda:0", overrides={"garment.shape.edge_mm": 40, "solver.iterations": 300})
+print(json.dumps([sum(compiled.values()), [name for name, times in compiled.items() if times > 1]]))
+"""
+
 
 @pytest.mark.parametrize("how", ["whole", "broken"])
 def test_modules_are_compiled_by_other_processes_or_by_this_one(
@@ -47,6 +61,17 @@ def test_modules_are_compiled_by_other_processes_or_by_this_one(
     assert asked == [how == "whole"] * 3
     assert loaded == [1, 1, 1]
     assert folders == 3
+
+
+@pytest.mark.cuda
+@pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")
+def test_a_gpu_compiles_no_kernel_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WARP_CACHE_PATH", str(tmp_path / "kernels"))
+    monkeypatch.setenv(FOLDER, str(tmp_path / "cache"))
+    ended = subprocess.run([sys.executable, "-c", ONCE], capture_output=True, text=True, check=True)
+    count, twice = json.loads(ended.stdout.splitlines()[-1])
+    assert count > 30
+    assert twice == [], "of one size of block, and launched in another"
 
 
 def test_a_first_run_is_known_until_its_kernels_are_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

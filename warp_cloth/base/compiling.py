@@ -42,6 +42,15 @@ def load_modules(modules: Sequence[Any], device: str) -> None:
             wp.force_load(device, modules=modules, max_workers=0)
 
 
+def in_blocks(kernel: Any, threads: int) -> Any:
+    """A kernel in a module of its own that a GPU launches in blocks of so many threads; it is compiled for those.
+
+    Warp compiles a kernel anew for every size of block (1.19), and by default for 256 threads.
+    """
+    kernel.module.options["block_dim"] = threads
+    return kernel
+
+
 class Build(NamedTuple):
     """A module that is to be compiled for the CPU, and where to."""
 

@@ -12,6 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.avatar.exact import ExactCollider
+from warp_cloth.base.compiling import in_blocks
 from warp_cloth.contact.arrays import contact_arrays, per_vertex, thicknesses
 from warp_cloth.contact.facing import Facing
 from warp_cloth.contact.search import PairSearch
@@ -96,8 +97,10 @@ class ClothContact:
         self._counts = wp.zeros(1 + CROSSING_COUNTS, dtype=wp.int32, device="cpu", pinned=self._device.is_cuda)
         self._saved_pairs: list[wp.array] = []
         in_order = patches is not None
-        self._forces = force_kernel(model.precision, Accumulate.STIFFNESS, in_order)
-        self._measured_forces = force_kernel(model.precision, Accumulate.MAGNITUDE, in_order)
+        self._forces, self._measured_forces = (
+            in_blocks(force_kernel(model.precision, accumulate, in_order), BLOCK_THREADS)
+            for accumulate in (Accumulate.STIFFNESS, Accumulate.MAGNITUDE)
+        )
         self._add_load = add_load_kernel(model.precision)
         with wp.ScopedDevice(model.device):
             skins = self.least_skin, LARGEST_SKIN * skin

@@ -7,6 +7,7 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.base.compiling import in_blocks
 from warp_cloth.contact.arrays import build_trees, search_arrays
 from warp_cloth.contact.box_tree import block_count, candidate_lists
 from warp_cloth.contact.crossing import Sheets
@@ -56,8 +57,10 @@ class PairSearch:
         # a GPU searches for crossings and for pairs at the same time
         self.side_stream = wp.Stream(self._device) if self._device.is_cuda else None
         self._count_open_seams = open_seams_kernel(precision)
-        self._start, self._refit = start_kernel(precision, model.patches is not None), refit_kernel(precision)
-        self._near_groups, self._crossing_groups = near_groups_kernel(precision), crossing_groups_kernel(precision)
+        self._start = start_kernel(precision, model.patches is not None)
+        self._refit = in_blocks(refit_kernel(precision), REFIT_THREADS)
+        self._near_groups = in_blocks(near_groups_kernel(precision), TRAVERSAL_THREADS)
+        self._crossing_groups = in_blocks(crossing_groups_kernel(precision), TRAVERSAL_THREADS)
         self._near_lists, self._crossing_lists = near_list_kernels(precision), crossing_list_kernels(precision)
         self._separate_layers, self._finish = layers_kernel(precision), finish_kernel(precision)
 
@@ -70,8 +73,8 @@ class PairSearch:
 
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that a search may launch."""
-        found = [self._count_open_seams, self._start, self._refit, refit_top]  # the last for high trees
-        found += [self._near_groups, self._crossing_groups]
+        found = [self._near_groups, self._crossing_groups]  # first, as they take the longest to compile
+        found += [self._count_open_seams, self._start, self._refit, refit_top]  # the last for high trees
         if self.near_candidates.group.size:
             found += [*self._near_lists, *self._crossing_lists]
         found += [clear_tangles, self._separate_layers, self._finish, exclude_tangled]

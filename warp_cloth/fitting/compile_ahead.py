@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import warp as wp
 
 from warp_cloth.avatar.contact import avatar_modules
@@ -22,12 +24,17 @@ def compile_ahead(scene: Scene, device: str, clock: StageClock) -> None:
     """
     if kernels_known(device):
         return
-    own = [] if scene.avatar is None else [wp.get_module(geodesics.__name__), *avatar_modules("depth")]
+    gpu = wp.get_device(device).is_cuda
+    host = [] if scene.avatar is None else [wp.get_module(geodesics.__name__)]  # the CPU's work for any device
+    own = [] if scene.avatar is None else avatar_modules("auto" if gpu else "depth")
     modules = [*own, wp.get_module(crossing.__name__), *picture_modules()]
-    if wp.get_device(device).is_cuda:
+    if gpu:
         clock.begin("compile")
-        load_modules(modules, device)
+        with ThreadPoolExecutor(1) as beside:
+            compiled = beside.submit(load_modules, host, "cpu")
+            load_modules(modules, device)
+            compiled.result()
     else:
         with keeping_kernels():
-            compile_for_cpu(modules, on_begin=lambda: clock.begin("compile"))
+            compile_for_cpu([*host, *modules], on_begin=lambda: clock.begin("compile"))
     clock.lap("compile")

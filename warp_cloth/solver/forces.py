@@ -6,6 +6,7 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.base.compiling import in_blocks
 from warp_cloth.kernels.base.options import Accumulate, KernelOptions, block_for
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.math.lanes import WIDTH, lane_types
@@ -62,7 +63,7 @@ class ForcePass:
             options = KernelOptions(
                 model.precision, terms, accumulate, fits=model.patches.fits, paired=model.patches.paired
             )
-            self._passes.append((gather_kernel(options), 0, read, [load]))
+            self._passes.append((in_patches(gather_kernel(options), model.patches.paired), 0, read, [load]))
             return
         edges, triangles = model.edge_count, model.triangle_count
         normal = wp.empty(0, dtype=types.vec4, device=model.device)
@@ -118,6 +119,11 @@ def launch_patches(kernel: wp.Kernel, model: ClothModel, inputs: list[Any], more
         return
     threads = patch_threads(kernel, model.patches.paired) if wp.get_device(model.device).is_cuda else 1
     wp.launch(kernel, dim=(model.patches.count + more) * threads, inputs=inputs, device=model.device, block_dim=threads)
+
+
+def in_patches(kernel: wp.Kernel, paired: bool) -> wp.Kernel:
+    """A kernel whose blocks work on a patch each, compiled for blocks as ``launch_patches`` has them."""
+    return in_blocks(kernel, patch_threads(kernel, paired))
 
 
 def patch_threads(kernel: wp.Kernel, paired: bool) -> int:

@@ -8,9 +8,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.base.compiling import in_blocks
 from warp_cloth.kernels.base.reduction import REDUCTION_WIDTH, Chunks
 
 WARP = 32  # threads that run together, on a GPU
+ROWS = 4  # that a block works on, a warp each
 MOST_CHUNKS = 1_024  # of a garment: every block that needs a garment's sum adds them all
 
 
@@ -42,4 +44,9 @@ def launch_blocks(
 def launch_rows(kernel: wp.Kernel, rows: int, inputs: list[Any], device: str) -> None:
     """Launches a kernel with a warp for every row on a GPU, with a thread on the CPU."""
     lanes = WARP if wp.get_device(device).is_cuda else 1
-    wp.launch(kernel, dim=rows * lanes, inputs=inputs, device=device, block_dim=4 * lanes)
+    wp.launch(kernel, dim=rows * lanes, inputs=inputs, device=device, block_dim=ROWS * lanes)
+
+
+def in_rows(kernel: wp.Kernel) -> wp.Kernel:
+    """A kernel that ``launch_rows`` launches, compiled for its blocks."""
+    return in_blocks(kernel, ROWS * WARP)

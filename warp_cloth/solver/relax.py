@@ -21,7 +21,7 @@ from warp_cloth.model.model import ClothModel
 from warp_cloth.model.vertices import allocate_steps
 from warp_cloth.solver.active_set import ActiveSet
 from warp_cloth.solver.anisotropic_step import AnisotropicStep
-from warp_cloth.solver.forces import ForcePass, pass_size, takes_packets
+from warp_cloth.solver.forces import ForcePass, in_patches, pass_size, takes_packets
 from warp_cloth.solver.packed import PackedCloth
 from warp_cloth.solver.parallel_domains import ParallelDomains
 from warp_cloth.solver.step_options import StepOptions, build_step
@@ -79,7 +79,7 @@ class Relaxation:
         self._packets = kernel_options.packets
         self._fuses_contact = fuses_contact(kernel_options) and model.patches is not None
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
-            self._move = advance_kernel(kernel_options)
+            self._move = in_patches(advance_kernel(kernel_options), model.patches.paired)
             packed = cloth_contact is None
             some = self.active_set.vertices
             self._packed = PackedCloth(model, model.patches, kernel_options.accelerated, some, packed=packed)
@@ -245,7 +245,7 @@ class Relaxation:
         scattering = [] if self._scatter is None else self._scatter.kernels()
         moving = [self._move] if self._packed is None else self._packed.kernels(self._move)
         sharing = [] if self._together is None else self._together.kernels()
-        return [*scattering, *touching, *moving, *sharing]
+        return [*moving, *scattering, *touching, *sharing]  # a move takes the longest to compile
 
     def seldom_kernels(self) -> list[wp.Kernel]:
         """The kernels that some iterations of loose cloth launch besides; they must be loaded, too."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warp_cloth.base.compiling import in_blocks
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.elements.stiffness import stiffness_types
 from warp_cloth.kernels.implicit.coarse_levels import COARSEST_THREADS, coarse_level_kernels
@@ -16,7 +17,7 @@ from warp_cloth.kernels.implicit.conjugate_gradient import precondition_residual
 from warp_cloth.kernels.implicit.sparse import sparse_types
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.implicit.coarse_levels import Level, join_levels
-from warp_cloth.solver.reduction import launch_blocks, launch_rows
+from warp_cloth.solver.reduction import in_rows, launch_blocks, launch_rows
 
 # Vertices of a level that a single block works on along with all levels below: each launch takes as long.
 SMALL = 512
@@ -38,7 +39,10 @@ class Preconditioner:
         self._residual, self._small_residual = self._of_levels(types.vec3)
         self._correction, self._small_correction = self._of_levels(types.vec3)
         self._no_rows = sparse_types(model.precision).CsrMatrix()
-        self._kernels = coarse_level_kernels(model.precision)
+        self._kernels = kernels = coarse_level_kernels(model.precision)
+        for kernel in (kernels.coarsen_stiffness, kernels.coarsen_anchors, kernels.restrict_residual):
+            in_rows(kernel)
+        in_blocks(kernels.correct_coarsest_levels, COARSEST_THREADS)
         self._precondition_residual = precondition_residual_kernel(model.precision)
 
     def _zeros(self, shape: Any, dtype: Any) -> wp.array:

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.base.compiling import in_blocks
 from warp_cloth.base.mesh import Indices
 from warp_cloth.base.topology import ragged_rows
 from warp_cloth.kernels.base.types import cloth_types
@@ -24,7 +25,7 @@ from warp_cloth.kernels.implicit.rigid_types import INTERLEAVED, rigid_types
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.implicit.coarse_levels import Level
 from warp_cloth.solver.implicit.sparse import Ints, SparseMatrix, couples, entries_of
-from warp_cloth.solver.reduction import launch_blocks, launch_rows, split_into_chunks
+from warp_cloth.solver.reduction import in_rows, launch_blocks, launch_rows, split_into_chunks
 
 # Vertices of the level with rigid modes, at most, and as a fraction of all: its iterations count as three of all
 # vertices at most.
@@ -78,10 +79,10 @@ class RigidCorrection:
         precision = model.precision
         self.level = self._build_level(pairs, prolongation)
         self._state = self._build_state()
-        self._place_centres = place_centres_kernel(precision)
-        self._assemble_blocks = assemble_blocks_kernel(precision)
-        self._invert_diagonal = invert_diagonal_kernel(precision)
-        self._restrict_wrenches = restrict_wrenches_kernel(precision)
+        self._place_centres = in_blocks(place_centres_kernel(precision), THREADS)
+        self._assemble_blocks = in_rows(assemble_blocks_kernel(precision))
+        self._invert_diagonal = in_blocks(invert_diagonal_kernel(precision), THREADS)
+        self._restrict_wrenches = in_blocks(restrict_wrenches_kernel(precision), THREADS)
         self._solve_rigid_level = solve_rigid_level_kernel(precision)
         self._prolong_motion = prolong_motion_kernel(precision)
 
