@@ -46,7 +46,6 @@ def write_obj(path: Path, points: np.ndarray, faces: Faces, texcoords: ArrayLike
 def write_panels(path: Path, points: np.ndarray, mesh: Mesh, scale: float = 1.0) -> Path:
     """An OBJ file of a garment with its vertices at ``points``, and its texture coordinates, a corner each, scaled."""
     lines = ["v " + " ".join(f"{x:.7f}" for x in point) for point in points]
-    assert mesh.texcoords is not None
     lines += ["vt " + " ".join(f"{x:.7f}" for x in corner) for corner in scale * mesh.texcoords.reshape(-1, 2)]
     for number, triangle in enumerate(mesh.triangles):
         lines.append("f " + " ".join(f"{vertex + 1}/{3 * number + k + 1}" for k, vertex in enumerate(triangle)))

@@ -133,7 +133,6 @@ def running(*arguments: str, environment: dict[str, str] | None = None) -> Itera
     env = {**os.environ, **(environment or {})}
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=env)
     try:
-        assert process.stdout is not None
         line = process.stdout.readline()
         assert line.startswith("serving "), line
         yield Running(line.partition(" on ")[2].partition(";")[0], process)

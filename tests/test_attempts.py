@@ -105,7 +105,6 @@ def test_a_sheet_that_still_falls_is_relaxed_by_levels() -> None:
     falling = first("hanging")
     assert falling.turn_after is not None
     levels = following(Ended(falling, LIMIT, 0, VERTICES, cut_short=CutShort.SLOW))
-    assert levels is not None
     assert (decisions(levels), levels.turn_after) == (("multilevel", False, None), None)
 
 
@@ -134,12 +133,10 @@ def test_where_cloth_meets_cloth_both_kinds_of_steps_go_on_by_turns() -> None:
     history, wanted = [], ["multilevel", "accelerated", "multilevel", "accelerated"]
     attempt: Attempt | None = first("tshirt", *SMALL_SHIRT)
     for number, method in enumerate(wanted):
-        assert attempt is not None
         assert attempt.turn_after
         history.append(Ended(attempt, LIMIT, 0, VERTICES, torn=5, cut_short=CutShort.SLOW))  # seams may still close
         attempt = following(*history)
         assert decisions(attempt) == (method, True, number)
-    assert attempt is not None
     assert (attempt.turn_after, attempt.patience) == (None, Patience.LONG)
     assert decisions(following(*history, Ended(attempt, LIMIT, 0, VERTICES))) == ("multilevel", False, None)
 
@@ -166,7 +163,6 @@ def test_few_crossings_are_undone_from_where_the_multilevel_method_ended() -> No
     few = int(FEW_CROSSINGS * VERTICES)
     last = after((sewn, LIMIT, 0), (levels, REST, few))
     assert decisions(last) == ("accelerated", True, 1)
-    assert last is not None
     assert last.patience is Patience.LONG
     assert after((sewn, LIMIT, 0), (levels, REST, few), (last, LIMIT, 0)) is None
 
@@ -181,7 +177,6 @@ def test_where_that_crosses_too_it_is_untangled_once_round_a_thinned_body() -> N
     ends = (sewn, LIMIT, VERTICES), (levels, REST, VERTICES - 1)
     thinned = after(*ends)
     assert decisions(thinned) == ("accelerated", True, 1)
-    assert thinned is not None
     assert thinned.thins
     assert after(*ends, (thinned, LIMIT, 1)) is None
 
@@ -198,10 +193,8 @@ def test_what_stays_tangled_on_the_posed_body_is_untangled_at_once() -> None:
     posed = replace(first("tshirt", *SMALL_SHIRT), posed=True)
     tangled = Ended(posed, LIMIT, 9, VERTICES, cut_short=CutShort.CROSSING)
     thinned = following(tangled)
-    assert thinned is not None
     assert (thinned.thins, thinned.begins_after) == (True, 0)
     turned = following(tangled, Ended(thinned, LIMIT, 0, VERTICES, cut_short=CutShort.SLOW))
-    assert turned is not None
     assert (turned.thins, turned.begins_after) == (False, 1)
 
 
@@ -232,13 +225,10 @@ def sliding() -> tuple[Ended, Ended, Attempt]:
 
 def test_what_rests_torn_slides_into_place_and_then_rubs_again() -> None:
     sewn, failed, slides = sliding()
-    assert slides.scene.avatar is not None
     assert (slides.begins_after, slides.scene.avatar.friction) == (0, 0.0)
     farther = following(sewn, failed, Ended(slides, LIMIT, 0, VERTICES, torn=1))
-    assert farther is not None
     assert (farther.begins_after, farther.slides) == (2, 2)
     last = following(sewn, failed, Ended(slides, LIMIT, 0, VERTICES, torn=1), Ended(farther, LIMIT, 0, VERTICES))
-    assert last is not None
     assert (last.begins_after, last.slides) == (3, 0)
     assert last.scene == sewn.attempt.scene
 
@@ -249,10 +239,8 @@ def test_what_slid_off_a_shoulder_slides_anew_at_once() -> None:
     assert rubs is not None
     history = [sewn, failed, Ended(slides, LIMIT, 0, VERTICES), Ended(rubs, REST, 0, VERTICES, slipped=True)]
     anew = following(*history)
-    assert anew is not None
     assert (anew.begins_after, anew.scene.solver.iterations) == (0, SLIDES[-1])
     last = following(*history, Ended(anew, LIMIT, 0, VERTICES))
-    assert last is not None
     assert (last.begins_after, last.scene) == (4, sewn.attempt.scene)
     assert following(*history, Ended(anew, LIMIT, 0, VERTICES), Ended(last, REST, 0, VERTICES)) is None
 
@@ -271,7 +259,6 @@ def test_what_still_tears_is_sewn_again_and_lifted() -> None:
     assert levels is not None
     history = [sewn, failed, Ended(levels, REST, VERTICES, VERTICES, torn=9)]
     lifted = following(*history)
-    assert lifted is not None
     assert (lifted.posed, lifted.lifted, lifted.begins_after) == (True, True, None)
     assert following(*history, Ended(lifted, LIMIT, 0, VERTICES, torn=3)) is None
     assert decisions(following(*history, Ended(lifted, LIMIT, 0, VERTICES))) == ("multilevel", False, 3)
@@ -281,7 +268,6 @@ def test_what_slips_off_as_it_is_carried_onto_the_shoulders_is_lifted() -> None:
     posed = replace(first("tshirt", *SMALL_SHIRT), posed=True)
     slipped = Ended(posed, REST, 0, VERTICES, slipped=True)
     lifted = following(slipped)
-    assert lifted is not None
     assert (lifted.posed, lifted.lifted, lifted.begins_after) == (True, True, None)
     assert following(slipped, Ended(lifted, REST, 0, VERTICES, slipped=True)) is None
 
@@ -291,14 +277,11 @@ def test_the_body_stays_padded_where_it_showed_through() -> None:
     scene = {"garment": shirt, "avatar": {"shape": {"kind": "mannequin"}}}
     shown = Ended(first(scene), REST, 0, VERTICES, shown=True)
     padded = following(shown)
-    assert padded is not None
     assert (padded.paddings, padded.begins_after) == (1, 0)
     posed = Ended(replace(shown.attempt, posed=True), LIMIT, 0, VERTICES, shown=True)
     levels = following(posed)
-    assert levels is not None
     assert (decisions(levels), levels.paddings) == (("multilevel", False, 0), 1)
     untangled = following(posed, Ended(levels, REST, 9, VERTICES))
-    assert untangled is not None
     assert (untangled.begins_after, untangled.paddings) == (1, 1)
 
 
@@ -310,7 +293,6 @@ def test_the_body_stays_padded_where_it_showed_through() -> None:
 def test_what_is_wrong_round_a_limb_is_sewn_round_the_body_posed_within_it(wrong: dict[str, Any]) -> None:
     failed = Ended(first("tshirt", *SMALL_SHIRT), LIMIT, 0, VERTICES, **wrong)
     posed = following(failed)
-    assert posed is not None
     assert (posed.start, posed.touches, posed.scene.solver.method) == ("posed", True, "accelerated")
     assert posed.choices[-1].key == "solver.start"
     turned = following(failed, Ended(posed, LIMIT, 0, VERTICES, cut_short=CutShort.STALLED))
@@ -324,8 +306,6 @@ def test_a_posed_attempt_that_none_can_follow_goes_on_longer() -> None:
     sewn, levels = skirt()
     failed = Ended(sewn, LIMIT, 0, VERTICES), Ended(levels, REST, 0, VERTICES, torn=5)
     first_posed, last_posed = following(replace(failed[0], torn=5)), following(*failed)
-    assert first_posed is not None
-    assert last_posed is not None
     assert (first_posed.posed, last_posed.posed) == (True, True)
     assert (first_posed.patience, last_posed.patience) == (Patience.SHORT, Patience.LONG)
 

@@ -110,7 +110,6 @@ def test_auto_keeps_the_three_buffers_where_they_do() -> None:
     mesh = as_mesh(trimesh.creation.icosphere(subdivisions=5, radius=0.1))
     made = contact(mesh, "auto")
     made.collider(around(mesh))
-    assert made.report is not None
     assert made.report["buffers"] == ["front", "back", "top"]
     assert made.report["error_mm"]["p999"] < 1.5
 
@@ -121,8 +120,6 @@ def test_auto_adds_the_layers_that_a_hidden_gap_needs() -> None:
     cloth = around(mesh, 0.003)
     three.collider(cloth)
     auto.collider(cloth)
-    assert three.report is not None
-    assert auto.report is not None
     assert three.report["error_mm"]["p99"] > 5.0
     assert three.report["unseen_by_three_views"] > 0.1
     assert auto.report["buffers"] == ["4 layers along x", "4 layers along y", "6 layers along z"]
@@ -134,7 +131,6 @@ def test_auto_draws_finer_where_all_layers_are_not_enough() -> None:
     mesh = as_mesh(trimesh.creation.icosphere(subdivisions=4, radius=0.05))
     auto = contact(mesh, "auto", error=1e-6, pixel=0.008)
     auto.collider(around(mesh))
-    assert auto.report is not None
     assert auto.report["pixel_mm"] == pytest.approx(4.0)
     assert auto.report["error_mm"]["p999"] > auto.report["error_sought_mm"]  # and says so
 
@@ -148,7 +144,6 @@ def test_auto_stays_with_the_pixel_whose_grid_can_be_built(monkeypatch: pytest.M
     for audited in (True, False, True):
         auto.builds = 0  # or the region grows, as round a garment that falls
         auto.collider(around(mesh), audited=audited)
-        assert auto.report is not None
         assert auto.report["pixel_mm"] == pytest.approx(8.0)
     monkeypatch.setattr(field, "MOST_NODES", 10)
     with pytest.raises(InputError, match="contact grid would have"):
@@ -174,5 +169,4 @@ def test_offset_beyond_the_usual_reach_is_kept() -> None:
     mesh = as_mesh(trimesh.creation.icosphere(subdivisions=5, radius=0.1))
     wide = AvatarContact(mesh, ContactOptions("depth", 0.002, 0.03, 0.001, "cpu"))
     wide.collider(around(mesh))
-    assert wide.report is not None
     assert wide.report["error_mm"]["p99"] < 1.0  # sweeps on 5 mm are of first order

@@ -185,7 +185,6 @@ def test_loaders_that_are_forked_make_the_same_where_their_worker_reads_it() -> 
 
 def _tells_priority(connection: Connection, rank: int) -> None:
     loaders = Loaders(1, fork=True, rank=rank)
-    assert loaders._pool is not None
     connection.send(loaders._pool.submit(os.nice, 0).result() - os.nice(0))
     loaders.close()
 
@@ -228,11 +227,8 @@ def test_one_mesh_of_two_grains_has_the_rest_shapes_of_both(loaders: Loaders) ->
     loaders.fill(mesh_cache, several)
     for scene in several:
         found, alone = load_outfit(scene, mesh_cache).garments[0].rest, load_outfit(scene).garments[0].rest
-        assert found.yarns is not None
-        assert alone.yarns is not None
         assert np.array_equal(found.yarns.slope, alone.yarns.slope)
         assert np.array_equal(found.hinge_stiffness, alone.hinge_stiffness)
-        assert found.sheet is not None
         assert found.topology is found.sheet.topology
 
 
@@ -291,7 +287,6 @@ def test_what_loaders_cannot_load_is_reported_in_its_place(loaders: Loaders) -> 
 def test_without_its_loaders_a_worker_loads_by_itself(loaders: Loaders) -> None:
     mesh_cache = MeshCache()
     loaders.fill(mesh_cache, scenes())
-    assert loaders._pool is not None
     for process in loaders._pool._processes.values():
         os.kill(process.pid, signal.SIGKILL)
     more = load_scene("sphere", ["garment.shape.vertices_per_side=30"])
@@ -306,6 +301,5 @@ def test_kernels_that_are_warmed_up_are_those_of_the_batch(fabric: str) -> None:
     garments = [load_outfit(small).garments[0]] * warm_kernels.MANY
     model = build_model(garments, device="cpu", precision="mixed", gathers=True, garment_counts=[1] * warm_kernels.MANY)
     assert problem_kind(small, load_outfit(small)) == problem_kind(scene, load_outfit(scene))
-    assert model.patches is not None
     assert not model.patches.few
     assert model.item_count > 1

@@ -51,7 +51,6 @@ def at_rest(folder: Path, name: str) -> Problem:
 def test_folded_cloth_rests_without_crossing_and_by_the_forces_of_every_pair(tmp_path: Path, name: str) -> None:
     made = at_rest(tmp_path, name)
     cloth_contact = made.relaxation.cloth_contact
-    assert cloth_contact is not None
     points = made.model.points()
     assert not len(find_crossings(points, cloth_contact.sheets, "cpu").pairs)
     pairs = touching_pairs(points, cloth_contact)

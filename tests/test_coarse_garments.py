@@ -60,8 +60,6 @@ def test_a_coarse_garment_weighs_and_measures_the_same() -> None:
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 90.0, 135.0])
 def test_its_warp_lies_as_the_finer_ones(degrees: float) -> None:
     coarse = coarser(hierarchy_of(replace(MESH, texcoords=PANEL), DENIM, turned=degrees)).garment.rest
-    assert coarse.sheet is not None
-    assert coarse.corners is not None
     first = coarse.corners[:, 1] - coarse.corners[:, 0]
     drawn = coarse.sheet.flat[:, 1] - coarse.sheet.flat[:, 0]
     # the flat side's angle to the warp is the side's in the panel less the grain, up to a mirror and half a turn
@@ -104,9 +102,7 @@ def test_a_limp_garment_is_drawn_out_by_its_weight_no_more_than_a_little() -> No
     stiff = Fabric(stretch_warp=4e5, stretch_weft=2e5)
     hierarchy = hierarchy_of(replace(MESH, texcoords=PANEL), stiff)
     limp = hierarchy.coarser(limp=True)
-    assert limp is not None
     softer = limp.garment.rest.fabric
-    assert softer is not None
     load = limp.garment.rest.vertex_weight.sum() / np.sqrt(limp.garment.rest.area)
     assert np.sqrt(load / softer.stretch_weft) == pytest.approx(LIMP_STRAIN)
     assert softer.stretch_warp == pytest.approx(2.0 * softer.stretch_weft)

@@ -30,7 +30,6 @@ def followed(found: Coarsening, values: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("corners", [PANEL, MESH.points[MESH.triangles]], ids=["panel", "mesh"])
 def test_a_flat_square_is_carried_over_exactly(corners: np.ndarray) -> None:
     found = coarsen(rest_pattern(MESH.triangles, corners, NO_PINS), 110)
-    assert found is not None
     assert abs(len(found.fine_vertex) - 110) <= 2
     assert followed(found, MESH.points[found.fine_vertex]) == pytest.approx(MESH.points, abs=ROUNDING)
     place = np.pad(found.cloth.place, ((0, 0), (0, 3 - found.cloth.place.shape[1])))
@@ -43,7 +42,6 @@ def test_pinned_vertices_stay() -> None:
     pinned = NO_PINS.copy()
     pinned[[0, 20, 200, 201, 202]] = True
     found = coarsen(rest_pattern(MESH.triangles, PANEL, pinned), 110)
-    assert found is not None
     kept = np.flatnonzero(pinned)
     carried = followed(found, np.concatenate([MESH.points, MESH.points[:, :1]], axis=1)[found.fine_vertex])[:, :3]
     assert carried[kept] == pytest.approx(MESH.points[kept], abs=ROUNDING)
@@ -54,7 +52,6 @@ def test_a_sewn_garment_keeps_its_seams_and_loses_no_place() -> None:
     assert mesh.texcoords is not None
     cloth = rest_pattern(mesh.triangles, mesh.texcoords, np.zeros(mesh.vertex_count, dtype=bool))
     found = coarsen(cloth, mesh.vertex_count // 4)
-    assert found is not None
     assert len(found.fine_vertex) <= 0.3 * mesh.vertex_count
     weights = followed(found, np.ones((len(found.fine_vertex), 1)))
     assert weights == pytest.approx(np.ones_like(weights), abs=1e-9)
@@ -64,8 +61,6 @@ def test_a_sewn_garment_keeps_its_seams_and_loses_no_place() -> None:
 
 def test_the_same_garment_is_coarsened_the_same_way_twice() -> None:
     first, second = (coarsen(rest_pattern(MESH.triangles, PANEL, NO_PINS), 110) for _ in range(2))
-    assert first is not None
-    assert second is not None
     assert (first.fine_vertex == second.fine_vertex).all()
     assert (first.weight == second.weight).all()
 

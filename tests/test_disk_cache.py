@@ -56,7 +56,6 @@ def test_an_entry_comes_back_as_it_was(tmp_path: Path) -> None:
     assert cache.read(KEY) is None
     cache.write(KEY, entry(1))
     found = cache.read(KEY)
-    assert found is not None
     assert same(found, entry(1))
     found.arrays["points"][0] = 7.0  # as what was just derived
     assert same(cache.entry(KEY, lambda: pytest.fail("is there")), entry(1))
@@ -101,7 +100,6 @@ def test_writers_at_one_time_leave_whole_entries(tmp_path: Path) -> None:
     assert not list(tmp_path.glob(f"*{HALF}"))
     for turn in range(4):
         found = DiskCache(tmp_path).read(f"{KEY}{turn}")
-        assert found is not None
         assert same(found, entry(found.values["number"]))
 
 

@@ -55,7 +55,6 @@ def test_sides_are_kept() -> None:
     added = np.array([(1.0, 0.05), (0.05, 1.0)])
     points = np.concatenate([corners, added])
     made = inserted(points, triangulated(corners, sides, np.zeros(6, dtype=np.int64)), 6)
-    assert made is not None
     edges = {frozenset(edge) for triangle in made.tolist() for edge in zip(triangle, np.roll(triangle, 1), strict=True)}
     assert {frozenset(side) for side in sides.tolist()} <= edges
     assert np.isclose(doubled_areas(points, made).sum(), 2.0 * (0.2 + 0.19))

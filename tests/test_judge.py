@@ -66,7 +66,6 @@ class Shirt:
 def shirt(tmp_path_factory: pytest.TempPathFactory) -> Shirt:
     body, folder = mannequin(edge=0.015), tmp_path_factory.mktemp("shirt")
     skeleton = skeleton_of(body)
-    assert skeleton is not None
     up = (body.points - skeleton.middle) @ skeleton.up
     arm = np.isin(skeleton.limb, (RIGHT_ARM, LEFT_ARM))
     mine = ((skeleton.limb == TRUNK) & (up > HEM)) | (arm & (skeleton.station < ELBOW))

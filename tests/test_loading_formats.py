@@ -64,11 +64,9 @@ def test_obj_reads_every_way_to_write_a_face(tmp_path: Path) -> None:
     mesh = load(path, role="avatar")
     assert [sorted(face) for face in mesh.triangles.tolist()] == [[0, 1, 2], [0, 2, 3], [0, 1, 3]]
     assert mesh.panel_names == ("lower", "upper part")
-    assert mesh.panels is not None
     assert mesh.panels.tolist() == [0, 1, 1]
     path.write_bytes(path.read_bytes().rpartition(b"\r\n")[0])
     texcoords = load(path).texcoords
-    assert texcoords is not None
     assert texcoords.tolist() == [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 0]]]
 
 
@@ -164,7 +162,6 @@ def test_ply_texture_coordinates_per_face(tmp_path: Path) -> None:
         "0 0 0\n1 0 0\n0 1 0\n3 0 1 2 6 0 0 5 0 0 5\n"
     )
     texcoords = load(path).texcoords
-    assert texcoords is not None
     assert texcoords.tolist() == [[[0, 0], [5, 0], [0, 5]]]
 
 
@@ -236,7 +233,6 @@ def test_real_meshes_load_unchanged(shared_data: Path, name: str, vertices: int,
     assert len(mesh.notes) == 1
     assert mesh.unit == "m"
     if role == "garment":
-        assert mesh.texcoords is not None
         assert mesh.texcoords.shape == (14026, 3, 2)
         assert len(mesh.panel_names) == 8
 

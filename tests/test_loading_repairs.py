@@ -59,7 +59,6 @@ def test_sound_mesh_is_left_as_it_is(tmp_path: Path) -> None:
 def test_repeated_index_triangle_is_dropped(tmp_path: Path) -> None:
     mesh = load(tmp_path, SQUARE + "f 1 2 3\nf 2 2 3\nf 1 3 4\n")
     assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
-    assert mesh.triangle_source is not None
     assert mesh.triangle_source.tolist() == [0, 2]
     assert noted(mesh, "1 triangle that repeat")
 
@@ -127,7 +126,6 @@ def test_moebius_strip_ends_and_says_so(tmp_path: Path) -> None:
 def test_isolated_vertices_are_dropped_with_a_map(tmp_path: Path) -> None:
     mesh = load(tmp_path, "v 9 9 9\n" + SQUARE + "v 5 5 5\nf 2 3 4\nf 2 4 5\n")
     assert mesh.vertex_count == 4
-    assert mesh.vertex_map is not None
     assert mesh.vertex_map.tolist() == [-1, 0, 1, 2, 3, -1]
     assert noted(mesh, "2 isolated vertices dropped")
 

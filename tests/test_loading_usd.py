@@ -40,7 +40,6 @@ def test_usd_texture_subsets_holes_and_orientation(tmp_path: Path) -> None:
     loaded = load(path)
     np.testing.assert_array_equal(loaded.triangles, TRIANGLES[:17, ::-1])
     assert loaded.panel_names == ("front", "unassigned")
-    assert loaded.panels is not None
     assert loaded.panels.tolist() == [0, 0, 0] + [1] * 14
     assert loaded.texcoords is not None
     np.testing.assert_allclose(loaded.texcoords, loaded.points[loaded.triangles][:, :, :2], atol=FLOAT32_AT_ONE_METRE)

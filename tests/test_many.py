@@ -65,11 +65,9 @@ def test_maps_are_those_of_the_fit_alone() -> None:
     together = fit_many(scenes, "cpu", together=3, maps="gap,pressure")
     for scene, fit in zip(scenes[:2], together, strict=False):
         alone = warp_cloth.fit(scene, device="cpu", maps="gap,pressure")
-        assert isinstance(fit, Fit)
         assert fit.report["maps"] == alone.report["maps"]
         for name in ("gap", "pressure"):
             assert np.array_equal(fit.garments[0].fields[name], alone.garments[0].fields[name])
-    assert isinstance(together[2], Fit)
     assert together[2].maps is None  # it hangs: there is no body
 
 
@@ -169,8 +167,6 @@ def test_a_batch_has_the_same_bits_on_both_devices() -> None:
     # the exact mesh is searched by Warp's own trees, whose rounding differs
     scenes = [scene for scene in mixture() if scene.collision.avatar != "mesh"]
     for gpu, cpu in zip(fit_many(scenes, "cuda:0"), fit_many(scenes, "cpu"), strict=True):
-        assert isinstance(gpu, Fit)
-        assert isinstance(cpu, Fit)
         assert np.array_equal(gpu.garments[0].points, cpu.garments[0].points)
 
 
@@ -214,7 +210,6 @@ def test_one_whose_numbers_are_lost_leaves_the_others_their_bits(monkeypatch: py
     first, lost, third = fit_many(scenes, "cpu", together=3)
     assert_same(first, alone[0])
     assert_same(third, alone[2])
-    assert isinstance(lost, Fit)
     assert lost.status is Status.DIVERGED
     assert np.isfinite(lost.garments[0].points).all()
 

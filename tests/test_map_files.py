@@ -234,7 +234,6 @@ def test_a_users_own_body_of_quads_is_read_where_it_stands(tmp_path: Path) -> No
     body.CreateFaceVertexIndicesAttr([corner for side in sides for corner in side])
     stage.Save()
     avatar = read_fit(tmp_path).avatar
-    assert avatar is not None
     assert avatar.triangle_count == 12
     np.testing.assert_allclose(avatar.bounds(), [[5.0, 0.0, 0.0], [6.7, 1.7, 0.5]], atol=1e-6)
 

@@ -35,7 +35,6 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> tuple[FitResult, Path]:
 def test_panels_are_as_cut_and_their_vertices_those_of_the_garment(saved: tuple[FitResult, Path]) -> None:
     worn = saved[0].garments[0]
     flat = flat_panels(worn)
-    assert flat is not None
     np.testing.assert_array_equal(flat.vertex[flat.triangles], worn.mesh.triangles)
     np.testing.assert_allclose(flat.points[flat.triangles], worn.mesh.texcoords, atol=1e-9)
     seams = len(flat.points) - worn.mesh.vertex_count
@@ -74,7 +73,6 @@ def test_the_stage_is_still_read_as_the_worn_garment(saved: tuple[FitResult, Pat
 
 def test_maps_are_drawn_on_the_panels(saved: tuple[FitResult, Path]) -> None:
     result, out = saved
-    assert result.maps is not None
     assert set(result.maps.ranges) == {path.stem[4:-7] for path in out.glob("map_*_panels.png")}
     svg = (out / "map_strain_panels.svg").read_text()
     assert svg.count("M") > result.garments[0].mesh.triangle_count

@@ -72,7 +72,6 @@ def test_patches_of_any_size_give_the_bits_of_scattered_forces(
         model = model_of(mesh, rest, precision="mixed", gathers=gathers)
         model.set_points(points)
         loads.append(cloth_forces(model, Accumulate.STIFFNESS))
-    assert model.patches is not None
     assert model.patches.count >= mesh.vertex_count // size
     assert model.patches.paired == (paired and not model.terms.yarns)
     assert (loads[0] == loads[1]).all()
@@ -89,7 +88,6 @@ def test_where_more_meets_than_words_of_pairs_tell_apart_there_are_none(monkeypa
     monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: True)
     mesh = fan(600)
     models = [model_of(mesh, fan_rest(mesh), precision="mixed", gathers=how) for how in (False, True)]
-    assert models[1].patches is not None
     assert not models[1].patches.paired
     assert (cloth_forces(models[0]) == cloth_forces(models[1])).all()
 
@@ -138,7 +136,6 @@ def test_items_that_have_ended_leave_the_launch_and_come_back() -> None:
     ]
     model = build_model(garments, device="cpu", precision="mixed", gathers=True, garment_counts=[1, 1, 1])
     relaxation = Relaxation(model, Collider(), StepOptions())
-    assert model.patches is not None
     everything = model.patches.count
     relaxation.run(20)
     before = model.points()

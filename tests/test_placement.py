@@ -25,7 +25,6 @@ ROUNDING = 1e-12  # of a few products of lengths about 1 m
 
 def shirt_file(folder: Path, times: float = 1.0, mesh: Mesh = SHIRT) -> Path:
     """The T-shirt as an OBJ file, its lengths and its panels' times this."""
-    assert mesh.texcoords is not None
     path = folder / "shirt.obj"
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in (mesh.points * times).tolist()]
     lines += [f"vt {u!r} {v!r}" for u, v in (mesh.texcoords.reshape(-1, 2) * times).tolist()]

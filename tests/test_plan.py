@@ -144,7 +144,6 @@ def test_a_pinned_garment_stays_within_its_reach_all_the_way(fabric: dict[str, o
     scene = load_scene(tree, ["solver.iterations=3000"])
     made = load_problem(scene, "cpu")
     box = confining_box(made.outfit.garments[0])
-    assert box is not None
     worn = fit(scene, device="cpu", frames=20)
     shapes = worn.garments[0].frames
     assert shapes is not None
@@ -233,7 +232,6 @@ def test_searches_that_overlap_do_so_again_after_they_were_timed_one_after_anoth
     sheets = [{"shape": {**flat, "height": height}, "fabric": PLAIN} for height in (1.45, 1.452)]
     made = load_problem(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
     cloth_contact = made.relaxation.cloth_contact
-    assert cloth_contact is not None
     run = timing.TimedFit(made)
     assert not run.overlaps
     cloth_contact.awaken(made.relaxation.contact_state())

@@ -37,7 +37,6 @@ def test_a_fit_shows_itself() -> None:
     assert len(repr(fit)) < 120
     page = fit._repr_html_()
     chest = fit.ease["tshirt"]["chest"]
-    assert chest is not None
     assert f"ease: chest {100 * chest:+.1f} cm" in page
     assert "data:image/png;base64," in page
     assert list(fit.ease["tshirt"]) == [row["level"] for row in fit.report["girths_mm"]]

@@ -37,7 +37,6 @@ def chosen(mesh: Mesh, stated: float | None = None) -> RestSource:
 
 def per_panel(mesh: Mesh, low: float, high: float) -> np.ndarray:
     """A factor for each panel, shape [F, 1, 1]."""
-    assert mesh.panels is not None
     factors = np.linspace(low, high, int(mesh.panels.max()) + 1)
     return factors[mesh.panels][:, None, None]
 

@@ -63,7 +63,6 @@ def boundary_loops(mesh: Mesh) -> list[np.ndarray]:
 
 def flat_edge_lengths(mesh: Mesh) -> dict[tuple[int, int], float]:
     """Panel length [m] of each directed edge of a triangle."""
-    assert mesh.texcoords is not None
     lengths = np.linalg.norm(mesh.texcoords - np.roll(mesh.texcoords, -1, axis=1), axis=2)
     pairs = np.stack([mesh.triangles, np.roll(mesh.triangles, -1, axis=1)], axis=2).reshape(-1, 2)
     return dict(zip(map(tuple, pairs.tolist()), lengths.ravel().tolist(), strict=True))
@@ -199,7 +198,6 @@ def test_openings_are_hem_neck_and_cuffs(shirts: dict[str, Mesh], size: str) -> 
 @pytest.mark.parametrize("size", SIZES)
 def test_texture_is_the_panels_side_by_side(shirts: dict[str, Mesh], patterns: dict[str, Pattern], size: str) -> None:
     mesh = shirts[size]
-    assert mesh.texcoords is not None
     assert mesh.panels is not None
     assert mesh.panel_names == ("front", "back", "left_sleeve", "right_sleeve")
     right_edge = -1.0
@@ -231,7 +229,6 @@ def test_shirt_starts_outside_its_body_facing_outwards(shirts: dict[str, Mesh], 
 @pytest.mark.parametrize("size", SIZES)
 def test_seams_start_short(shirts: dict[str, Mesh], size: str) -> None:
     mesh = shirts[size]
-    assert mesh.texcoords is not None
     corners = mesh.points[mesh.triangles]
     ratio = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     ratio /= np.linalg.norm(mesh.texcoords - np.roll(mesh.texcoords, 1, axis=1), axis=2)

@@ -52,7 +52,6 @@ def test_cloth_sheared_and_let_back_goes_round_a_loop_as_wide_as_its_friction() 
     up = [moment(own, angle) - moment(plain, angle) for angle in angles]
     assert up == pytest.approx(FRICTION * np.cos(angles), rel=1e-6)
     laid = laid_by(own, sheared(np.radians(8.0)))
-    assert laid is not None
     back = replace(own, yarns=replace(own.yarns, laid=laid.shear))
     down = [moment(back, angle) - moment(plain, angle) for angle in angles]
     assert down == pytest.approx(-FRICTION * np.cos(angles), rel=1e-6)
@@ -91,7 +90,6 @@ def test_a_fabric_states_2hg_and_without_it_there_is_no_part_of_it() -> None:
     assert not piece(MESH, PLAIN, NONE).terms.shear_hysteresis
     model = model_of(MESH, piece(MESH, PLAIN, NONE).rest)
     assert not model.triangles.shear_hysteresis
-    assert model.weave is not None
     assert not model.weave.shear_hysteresis
     edges = build_rest_shape(MESH, Fabric(shear_friction=1.0), rest="uv")
     assert edges.yarns is None  # whose cloth has no yarns to rub
@@ -122,7 +120,6 @@ def test_a_fit_tells_both_ends_of_its_band_on_request() -> None:
     band = fit.report["friction_band"]
     assert fit.worn
     assert (band["status"], band["pulled_down"]) == ("at_rest", "at_rest")
-    assert worn.let_down is not None
     apart = np.linalg.norm(worn.let_down - worn.points, axis=1)
     assert band["apart_mm"]["max"] == pytest.approx(1e3 * apart.max())
     assert apart.max() > 0.0

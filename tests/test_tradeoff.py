@@ -60,11 +60,9 @@ def decided(tree: dict[str, Any]) -> Scene:
 
 def test_the_recommended_settings_are_within_the_error_wanted_when_run_afresh(found: tuple[Trade, Path]) -> None:
     best = found[0].cheapest
-    assert best is not None
     reference = fit(TREE, device="cpu", overrides=reference_of(decided(TREE)).overrides()).garments[0]
     again = fit(TREE, device="cpu", overrides=[f"{key}={value}" for key, value in best.settings.items()]).garments[0]
     away = distances(reference.mesh, reference.points, again.mesh, again.points)
-    assert away is not None
     assert 1e3 * np.sqrt(np.mean(away**2)) <= WITHIN_MM
 
 
@@ -104,7 +102,6 @@ def test_what_a_run_passes_through_is_what_stopping_there_gives() -> None:
     assert (passed.status, passed.iterations) == (stopped.status, 200)
     assert np.array_equal(passed.worn[0], stopped.garments[0].points)
     assert passed.strain == stopped.report["strain"]["p99"]
-    assert passed.depth is not None
     assert passed.depth.max == stopped.report["penetration_mm"]["max"]
 
 
@@ -227,7 +224,6 @@ def test_one_surface_is_itself_on_every_mesh() -> None:
     coarse, fine = (square(side=1.0, vertices_per_side=count, plane="vertical", height=1.0) for count in (5, 12))
     bent = [mesh.points + np.array([0.0, 0.0, 1.0]) * (0.3 * mesh.points[:, :1]) for mesh in (coarse, fine)]
     away = distances(coarse, bent[0], fine, bent[1])
-    assert away is not None
     assert away.max() < 1e-12
     moved = distances(coarse, bent[0], fine, bent[1] + [0.0, 0.0, 0.01])
     assert moved == pytest.approx(0.01)

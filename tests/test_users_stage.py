@@ -51,7 +51,6 @@ def test_the_scene_comes_from_the_physics_schema(metres: tuple[Path, Fit]) -> No
     assert garment.fabric.weight == pytest.approx(300.0 * 0.0006)
     assert garment.fabric.stretch_warp == pytest.approx(800.0 / STRAIN)
     assert garment.fabric.bending_weft == pytest.approx(2 * 4e-6 / CURVATURE)
-    assert scene.avatar is not None
     assert scene.avatar.prim == "/World/ball/skin"
 
 

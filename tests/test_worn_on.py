@@ -41,13 +41,11 @@ def refused(*arguments: str) -> str:
 def test_two_meshes_are_a_scene(folder: Path) -> None:
     scene = load_scene("cloth.obj", {"avatar.friction": np.float64(0.2)}, on=Path("ball.obj"), fabric="silk")
     assert (scene.name, scene.garments[0].mesh, scene.garments[0].fabric.name) == ("cloth", Path("cloth.obj"), "silk")
-    assert scene.avatar is not None
     assert (scene.avatar.mesh, scene.avatar.friction) == (Path("ball.obj"), 0.2)
 
 
 def test_the_shipped_body_needs_no_file(folder: Path) -> None:
     scene = load_scene(folder / "cloth.obj", on="mannequin")
-    assert scene.avatar is not None
     assert isinstance(scene.avatar.shape, MannequinShape)
 
 
@@ -59,11 +57,9 @@ def test_a_scene_is_worn_by_another_body_in_another_fabric(folder: Path, monkeyp
     (folder / "there/scene.toml").write_text(f'[[garment]]\nshape = {{kind = "square"}}\n[avatar]\n{avatar}')
     scene = load_scene("there/scene.toml", {"garment.name": "towel"}, on="ball.obj", fabric="silk")
     (garment,), body = scene.garments, scene.avatar
-    assert body is not None
     assert (garment.fabric.name, garment.name, body.friction, body.units) == ("silk", "towel", 0.3, None)
     assert body.mesh == folder / "ball.obj"
     shipped = load_scene("tshirt", on="ball.obj").avatar
-    assert shipped is not None
     assert (shipped.mesh, shipped.shape) == (folder / "ball.obj", None)
 
 

@@ -79,7 +79,6 @@ def command(scene: str, device: str, environment: Mapping[str, str]) -> tuple[fl
         process = subprocess.Popen(
             words, env={**os.environ, **environment}, stdout=quiet, stderr=subprocess.PIPE, cwd=folder, text=True
         )
-        assert process.stderr is not None
         said = process.stderr.readline()
         first = time.perf_counter() - began
         said += process.stderr.read()
@@ -96,7 +95,6 @@ def staying(device: str, environment: Mapping[str, str]) -> Iterator[None]:
     words = [sys.executable, "-m", "warp_cloth", "resident", "--device", device]
     with subprocess.Popen(words, env={**os.environ, **environment}, stderr=subprocess.PIPE, text=True) as process:
         try:
-            assert process.stderr is not None
             if "ready" not in (said := process.stderr.readline()):
                 raise SystemExit(said)
             yield

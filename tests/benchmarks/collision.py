@@ -68,7 +68,6 @@ TIMED, ROUNDS = 400, 9  # iterations at a time, and how often
 def jumps(body: str, device: str) -> dict[str, Any]:
     """Largest changes that no halving of a step takes away, by collider and place."""
     avatar = load_outfit(dressed(shirt(edge_mm=40.0), body)).avatar
-    assert avatar is not None
     height = (avatar.points[:, 1] - avatar.points[:, 1].min()) / np.ptp(avatar.points[:, 1])
     skin = avatar.points[(height > SKIN[0]) & (height < SKIN[1])]
     solid = solid_of(avatar).mesh

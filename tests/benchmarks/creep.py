@@ -86,7 +86,6 @@ def _creep(problem: Problem, names: Sequence[str], errors: Sequence[float], limi
                 within = (item, error) not in rest and problem.certifier.check(look, item).within(tolerances[item])
                 if within and look.iteration <= limit:
                     push = problem.certifier.normal_forces()
-                    assert push is not None
                     rest[item, error] = look.iteration, problem.model.points(item), push[problem.model.of_item(item)]
         for key, (iteration, points, push) in rest.items():
             if look.iteration == iteration + FURTHER:

@@ -70,7 +70,6 @@ def rested(name: str, tolerance: float, limit: int, device: str) -> dict[str, An
     outcome = relax_to_rest(made.certifier, goal, follow=collider_updates(made), schedule=made.schedule)
     seconds = time.perf_counter() - began
     cloth_contact = made.relaxation.cloth_contact
-    assert cloth_contact is not None
     pairs = find_crossings(outcome.points, cloth_contact.sheets, device).pairs
     between = int((cloth_contact.sheets.garment[pairs[:, 0]] != cloth_contact.sheets.garment[pairs[:, 1]]).sum())
     row: dict[str, Any] = {
@@ -85,7 +84,6 @@ def rested(name: str, tolerance: float, limit: int, device: str) -> dict[str, An
 def forces(made: Problem, points: Points) -> dict[str, Any]:
     """Pairs in contact, the largest difference of a force from that of every pair, and what rounding allows [N]."""
     cloth_contact, device = made.relaxation.cloth_contact, made.model.device
-    assert cloth_contact is not None
     pairs = touching_pairs(points, cloth_contact)
     types = cloth_types(made.model.precision)
     load = wp.zeros(made.model.vertex_count, dtype=types.vec4, device=device)
