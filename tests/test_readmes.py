@@ -210,8 +210,8 @@ def check_form(words: list[str], *, values: bool) -> None:
         script = ROOT / arguments[0]
         source = script.read_text(encoding="utf-8")
         for shared in re.findall(r"^from (?:\w+\.)?(\w+) import", source, re.MULTILINE):  # options of several scripts
-            module = script.with_name(f"{shared}.py")
-            source += module.read_text(encoding="utf-8") if module.exists() else ""
+            modules = (folder / f"{shared}.py" for folder in script.parents[:2])
+            source += "".join(module.read_text(encoding="utf-8") for module in modules if module.exists())
         for option in arguments[1:]:
             name = option.partition("=")[0]
             assert not option.startswith("--") or f'"{name}"' in source, f"{arguments[0]} has no option {name}"

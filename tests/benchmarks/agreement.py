@@ -13,7 +13,6 @@ micrometre apart. Fine and stiff cloth over a ball may need ``--limit 40000`` ti
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import sys
@@ -31,7 +30,7 @@ import warp as wp
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 from methods_scenes import KINDS, SIZES, STIFFNESS, Case, case_tree
 from reference import Potential, preconditioned_rest
 
@@ -235,8 +234,7 @@ def rows_of(cases: list[Case], wanted: Sequence[FitOptions], processes: int, slo
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser = script_parser(__doc__, device="cpu")
     parser.add_argument("--out", type=Path, default=Path("agreement.json"))
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--slots", type=int, default=3, help="processes that relax at a time")
@@ -248,7 +246,6 @@ def main() -> None:
     parser.add_argument("--precision", default="mixed")
     parser.add_argument("--reference", choices=list(BEYOND_LIMIT), default="multilevel", help="over a ball")
     parser.add_argument("--factorised", type=int, default=FACTORISED, help="vertices up to which SciPy factorises")
-    add_write_option(parser)
     options = parser.parse_args()
     sizes = sorted(options.sizes, reverse=True)
     cases = [Case(kind, size, k) for size in sizes for kind in options.kinds for k in options.stiffness]

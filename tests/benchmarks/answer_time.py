@@ -12,7 +12,6 @@ give the same bits. Medians.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import statistics
@@ -25,7 +24,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 CASES = ("command_cold", "command_warm", "command_resident", "library", "fitter")
 LEAST = 0.005  # [s]; stages that take less are not printed
@@ -124,13 +123,11 @@ def add(figures: Figures, name: str, runs: Sequence[Sequence[Any]], cores: int |
 
 
 def main() -> None:
-    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    reader = script_parser(__doc__, device="cpu")
     reader.add_argument("--scene", default="tshirt")
-    reader.add_argument("--device", default="cpu")
     reader.add_argument("--runs", type=int, default=5)
     reader.add_argument("--only", default=",".join(CASES), help="cases, separated by commas")
     reader.add_argument("--against", type=Path, help="another checkout, whose command runs in turn with this one's")
-    add_write_option(reader)
     options = reader.parse_args()
     scene, device, cases = options.scene, options.device, options.only.split(",")
     if unknown := set(cases) - set(CASES):

@@ -12,7 +12,6 @@ another; all items in the opposite order and in other shards; all after a kill -
 
 from __future__ import annotations
 
-import argparse
 import csv
 import math
 import os
@@ -29,7 +28,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pyarrow.parquet
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 from warp_cloth.cli.terminal import NOT_WORN
 
@@ -174,8 +173,7 @@ def folder(path: Path | None) -> Iterator[Path]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cuda:0")
+    parser = script_parser(__doc__, device="cuda:0")
     parser.add_argument("--items", type=int, default=1024)
     parser.add_argument("--coarsest", type=int, default=len(GARMENTS), metavar="N", help="so many of the meshes only")
     parser.add_argument("--start", choices=["placed", "dressed"], default="placed", help="solver.start of all")
@@ -184,7 +182,6 @@ def main() -> int:
     parser.add_argument("--turned", action="store_true", help="in the opposite order and in other shards")
     parser.add_argument("--killed", action="store_true", help="by kill -9 halfway, then resumed")
     parser.add_argument("--out", type=Path, help="a new folder for the results")
-    add_write_option(parser)
     options = parser.parse_args()
     rows, device, same = jobs(options.items, options.coarsest, options.start), options.device, True
     with folder(options.out) as place, Figures(__file__, options, device=device) as figures:

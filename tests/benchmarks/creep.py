@@ -9,7 +9,6 @@ the largest displacements in the top fifth: of vertices that lie on the body, an
 
 from __future__ import annotations
 
-import argparse
 import collections
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 from wearing import NEVER, SHARED_SHIRT, dressed, keep, several, shirt, side_by_side
 
 from warp_cloth.base.mesh import Points
@@ -125,15 +124,13 @@ def add_figures(figures: Figures, rows: Sequence[dict[str, Any]]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser = script_parser(__doc__, device="cpu")
     parser.add_argument("--out", type=Path, default=None)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--errors", nargs="+", type=float, default=[1.0, 0.1], help="rest errors [mm]")
     parser.add_argument("--limit", type=int, default=20_000, help="iterations to rest")
     parser.add_argument("--bodies", nargs="+", default=[GIVEN, *BODIES])
     parser.add_argument("--fabrics", nargs="+", default=list(FABRICS))
-    add_write_option(parser)
     options = parser.parse_args()
     work = partial(crept, errors=options.errors, fabrics=options.fabrics, limit=options.limit, device=options.device)
     rows = [row for part in side_by_side(work, options.bodies, options.processes) for row in part]

@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -62,12 +62,10 @@ def fitted(scene: dict[str, Any], device: str, **by_hand: Any) -> tuple[float, i
 
 
 def main() -> None:
-    parse = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parse.add_argument("--device", default="cpu")
+    parse = script_parser(__doc__, device="cpu")
     parse.add_argument("--designs", type=Path, help="folder of index.csv")
     parse.add_argument("--data", type=Path, help="folder of garmentcode/ and bodies/")
     parse.add_argument("--every", type=int, default=4, help="with --designs")
-    add_write_option(parse)
     given = parse.parse_args()
     group, ratios = "designs" if given.designs else "study", list[float]()
     with TemporaryDirectory() as folder, Figures(__file__, given, device=given.device) as figures:

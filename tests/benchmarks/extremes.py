@@ -10,14 +10,13 @@ hung or lost its numbers. Writes extremes.csv and extremes.png (the stability ma
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from extremes_files import extremes_lines, save_extremes, theory_holds
 from extremes_study import GROUPS, Outcome, run_extremes
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 from warp_cloth.base.device import device_named
 from warp_cloth.base.warp_setup import start_warp
@@ -36,12 +35,10 @@ def add_figures(figures: Figures, found: Sequence[Outcome]) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__, device="cpu")
     parser.add_argument("--out", type=Path, default=Path("out"))
-    parser.add_argument("--device", default="cpu")
     parser.add_argument("--only", action="append", choices=GROUPS, help="may be repeated; default: all groups")
     parser.add_argument("--no-plots", dest="plots", action="store_false")
-    add_write_option(parser)
     options = parser.parse_args(arguments)
     start_warp(False)
     if options.plots:

@@ -12,7 +12,6 @@ of vertices counts, too.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import time
 from dataclasses import replace
@@ -20,7 +19,7 @@ from functools import partial
 
 import numpy as np
 import warp as wp
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 from scipy.spatial import Delaunay
 
 from warp_cloth.avatar.collider import Collider
@@ -97,10 +96,8 @@ def microseconds(relaxation: Relaxation) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__, device="cuda:0")
     parser.add_argument("cloth", nargs="*", default=["edges:4k,65k,1m", "irregular:1m", "woven:4k,65k,1m", "worn:147"])
-    parser.add_argument("--device", default="cuda:0")
-    add_write_option(parser)
     options = parser.parse_args()
     every = [(cloth.partition(":")[0], size) for cloth in options.cloth for size in cloth.partition(":")[2].split(",")]
     with Figures(__file__, options, device=options.device) as figures:

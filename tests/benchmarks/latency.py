@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 from wearing import BODIES, SHARED_SHIRT
 
 from warp_cloth.base.warp_setup import start_warp
@@ -60,12 +60,10 @@ def timed(figures: Figures, name: str, scene: str | dict[str, Any], options: arg
 
 
 def main() -> None:
-    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    reader.add_argument("--device", default="cpu")
+    reader = script_parser(__doc__, device="cpu")
     reader.add_argument("--runs", type=int, default=10)
     reader.add_argument("--scene")
     reader.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
-    add_write_option(reader)
     options = reader.parse_args()
     start_warp()
     with Figures(__file__, options, device=options.device) as figures:

@@ -73,9 +73,13 @@ class Figures:
             self._rows.append(Row(f"{self._script}.{name}", shown, unit, place, commit(), source))
 
 
-def add_write_option(parser: argparse.ArgumentParser) -> None:
-    """Adds ``--write`` to a script."""
+def script_parser(about: str | None, *, device: str | None = None) -> argparse.ArgumentParser:
+    """Options of a script: ``--write`` and, where a default is named, ``--device``; ``about``: its ``__doc__``."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    if device is not None:
+        parser.add_argument("--device", default=device)
     parser.add_argument("--write", action="store_true", help="put the figures into measured.csv and README.md")
+    return parser
 
 
 def _arguments() -> list[str]:

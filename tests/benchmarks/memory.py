@@ -7,11 +7,10 @@ Measured is Warp's memory pool, which holds every array but not what the driver 
 
 from __future__ import annotations
 
-import argparse
 import time
 
 import warp as wp
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.warp_setup import start_warp
@@ -25,12 +24,10 @@ from warp_cloth.study.footprint import memory_of
 
 
 def main() -> None:
-    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    reader = script_parser(__doc__, device="cuda:0")
     reader.add_argument("scene")
     reader.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
     reader.add_argument("--iterations", type=int, default=2400)
-    reader.add_argument("--device", default="cuda:0")
-    add_write_option(reader)
     options = reader.parse_args()
     figures = Figures(__file__, options, device=options.device)
     start_warp()

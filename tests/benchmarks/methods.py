@@ -10,10 +10,9 @@ against where the run ended).
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 from methods_files import methods_lines, save_plots, side_by_side, truth_of
 from methods_scenes import GROUPS
 from methods_study import LEVELS, Measurement, MethodStudy, Run
@@ -45,13 +44,12 @@ def _shown(run: Run, look: Measurement | None) -> str:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__)
     parser.add_argument("--out", type=Path, default=Path("out"))
     parser.add_argument("--device", help="default: a GPU if there is one")
     parser.add_argument("--only", action="append", choices=GROUPS, help="may be repeated; default: all groups")
     parser.add_argument("--no-plots", dest="plots", action="store_false")
     parser.add_argument("--processes", type=int, default=1, help="runs at a time of those that are not timed")
-    add_write_option(parser)
     options = parser.parse_args(arguments)
     start_warp(False)
     if options.plots:

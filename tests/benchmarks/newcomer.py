@@ -10,7 +10,6 @@ Ends with 1 where a command does not exit as it should.
 
 from __future__ import annotations
 
-import argparse
 import os
 import shutil
 import subprocess
@@ -20,7 +19,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from pages import write_stand_in
@@ -116,12 +115,11 @@ def run(typed: Typed, folder: Path) -> tuple[float, str, bool]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__)
     parser.add_argument("--only", choices=PATHS, help="one person's path")
     parser.add_argument("--garment", type=Path)
     parser.add_argument("--body", type=Path)
     parser.add_argument("--keep", type=Path, help="folder for what is written, to look at it")
-    add_write_option(parser)
     options = parser.parse_args()
     failed = []
     with tempfile.TemporaryDirectory() as scratch, Figures(__file__, options) as figures:

@@ -8,12 +8,11 @@ including their part of the level of rigid modes and of its renewal every 40 rou
 
 from __future__ import annotations
 
-import argparse
 import time
 
 import numpy as np
 import warp as wp
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 from methods_scenes import SIZES, Case
 from methods_study import prepared
 
@@ -40,11 +39,9 @@ def microseconds(relaxation: MultilevelRelaxation) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser = script_parser(__doc__, device="cpu")
     parser.add_argument("--sizes", nargs="+", type=int, default=[4000], choices=list(SIZES))
     parser.add_argument("--stiffness", type=float, default=2e4, help="[N/m]")
-    add_write_option(parser)
     options = parser.parse_args()
     figures = Figures(__file__, options, device=options.device)
     start_warp(False)

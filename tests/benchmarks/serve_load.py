@@ -30,7 +30,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 from services import CHEAP, CHEAP_CHANGES, SIDES, Running, ball, cheap_request, digests, resident_bytes, running
 
 CASES = ("at_once", "bad", "memory", "kills")
@@ -229,13 +229,11 @@ def kills(figures: Figures, service: Running) -> None:
 
 
 def main() -> None:
-    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    reader.add_argument("--device", default="cpu")
+    reader = script_parser(__doc__, device="cpu")
     reader.add_argument("--workers", type=int, help="of the service")
     reader.add_argument("--cheap", action="store_true", help="at_once, too, with the cheap product")
     reader.add_argument("--requests", type=int, default=10_000, help="of memory")
     reader.add_argument("--only", default=",".join(CASES), help="cases, separated by commas")
-    add_write_option(reader)
     options = reader.parse_args()
     cases: Sequence[str] = options.only.split(",")
     if unknown := set(cases) - set(CASES):

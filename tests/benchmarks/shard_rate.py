@@ -9,7 +9,6 @@ dressed the first time is forgotten. Then some of them likewise one by one: are 
 
 from __future__ import annotations
 
-import argparse
 import functools
 import os
 import sys
@@ -19,7 +18,7 @@ from typing import Any
 import batch_rate
 import numpy as np
 import warp as wp
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 
 class Watch:
@@ -50,11 +49,9 @@ class Watch:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cuda:0")
+    parser = script_parser(__doc__, device="cuda:0")
     parser.add_argument("--items", type=int, default=1024)
     parser.add_argument("--alone", type=int, default=8, metavar="N", help="so many of them one by one")
-    add_write_option(parser)
     options = parser.parse_args()
     rows = batch_rate.jobs(options.items, len(batch_rate.GARMENTS), "dressed")
     scenes, load_cache = batch_rate.loaded(rows)

@@ -8,7 +8,6 @@ movement in these shows whether the certificate was true. Start 0 is not perturb
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 from concurrent.futures import ProcessPoolExecutor
@@ -17,7 +16,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -59,14 +58,12 @@ def fitted(case: Case, device: str, start: int, further: int) -> tuple[float, st
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser = script_parser(__doc__, device="cpu")
     parser.add_argument("--sizes", nargs="+", type=int, default=[4_000])
     parser.add_argument("--stiffness", nargs="+", type=float, default=list(STIFFNESS))
     parser.add_argument("--starts", type=int, default=4)
     parser.add_argument("--further", type=int, default=1_000, help="iterations after the certificate")
     parser.add_argument("--processes", type=int, default=1)
-    add_write_option(parser)
     options = parser.parse_args()
     cases = [Case("ball", size, stretch) for size, stretch in product(options.sizes, options.stiffness)]
     with ProcessPoolExecutor(options.processes, mp_context=get_context("spawn")) as pool:

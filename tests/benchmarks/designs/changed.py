@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from designs.fit_designs import designs_of, pairs_of, run_batch, shapes_of
 from designs.geometry import Floats
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 NOISE = 1.0e-4  # [m]
 COLUMNS = ("name", "change", "status", "worn", "problems", "distance_mm")
@@ -110,7 +110,7 @@ def rows_of(jobs: list[dict[str, str]], folder: Path) -> list[dict[str, str]]:
 
 
 def main() -> None:
-    parse = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parse = script_parser(__doc__)
     parse.add_argument("what", choices=("starts", "noise"))
     parse.add_argument("--designs", type=Path, required=True, help="folder of index.csv")
     parse.add_argument("--data", type=Path, required=True, help="folder of garmentcode/ and bodies/")
@@ -123,7 +123,6 @@ def main() -> None:
     parse.add_argument("--workers", type=int)
     parse.add_argument("--shard", type=int, help="items a shard")
     parse.add_argument("--sheet", type=int, help="pictures on batch/contact_sheet.html, the worst items first")
-    add_write_option(parse)
     given = parse.parse_args()
     jobs = designs_of(given.designs, given.data, given.only)[:: given.every]
     if given.bodies:

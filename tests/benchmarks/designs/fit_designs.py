@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from designs.geometry import Floats, read_obj
 from designs.judge import Wearer, judge
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 FABRICS = ("cotton", "jersey", "silk", "denim")
 BODIES = ("garmentcode", "bodies")  # folders of --data that hold the bodies of index.csv
@@ -125,7 +125,7 @@ def judged_rows(jobs: list[dict[str, str]], folder: Path) -> list[dict[str, str]
 
 
 def main() -> None:
-    parse = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parse = script_parser(__doc__)
     parse.add_argument("--designs", type=Path, required=True, help="folder of index.csv")
     parse.add_argument("--data", type=Path, required=True, help="folder of garmentcode/ and bodies/")
     parse.add_argument("--out", type=Path, default=Path("designs_out"))
@@ -137,7 +137,6 @@ def main() -> None:
     parse.add_argument("--shard", type=int, help="items a shard: small ones leave results where a run is cut off")
     parse.add_argument("--sheet", type=int, help="pictures on batch/contact_sheet.html, the worst items first")
     parse.add_argument("--set", dest="changes", action="append", default=[], metavar="KEY=VALUE")
-    add_write_option(parse)
     given = parse.parse_args()
     jobs = designs_of(given.designs, given.data, given.only)
     if given.bodies:

@@ -30,7 +30,7 @@ from designs.geometry import Floats, Ints, Mesh, cross, crossings, read_obj
 from designs.judge import Wearer, judge
 from designs.limbs import boundary_loops, opening_class, ways_out
 from designs.measures import edge_strains, panel_corners, panel_lengths
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 import warp_cloth
 
@@ -272,7 +272,7 @@ def worn_designs(given: argparse.Namespace) -> tuple[list[Worn], dict[str, dict[
 
 
 def main() -> None:
-    parse = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parse = script_parser(__doc__)
     parse.add_argument("--designs", type=Path, required=True, help="folder of index.csv")
     parse.add_argument("--data", type=Path, required=True, help="folder of garmentcode/ and bodies/")
     parse.add_argument("--good", type=Path, required=True, help="what fit_designs.py wrote: judged.csv and batch/")
@@ -281,7 +281,6 @@ def main() -> None:
     parse.add_argument("--unspoiled", action="store_true", help="ask about all of --good, too")
     parse.add_argument("--device")
     parse.add_argument("--workers", type=int)
-    add_write_option(parse)
     given = parse.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     designs, rows = worn_designs(given)

@@ -11,7 +11,6 @@ computed again.
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -25,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from dxf_darted import TRUE_DARTED_SEAMS, darted
 from dxf_panelled import PANELLED, TRUE_PANELLED_SEAMS
 from dxf_patterns import GARMENTS, GRADES, STYLES, TRUE_SEAMS, Style, write
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 from warp_cloth.pattern import DraftOptions, read_drafted
 from warp_cloth.pattern.drafted import Draft
@@ -58,12 +57,10 @@ def fitted(pattern: Path, size: str, body: Path | None, out: Path, device: str) 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__, device="cpu")
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--data", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--only", nargs="*", default=["tshirt", "trousers", "hooded"], choices=sorted(DRAFTS))
-    parser.add_argument("--device", default="cpu")
-    add_write_option(parser)
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     with Figures(__file__, args, device=args.device) as figures:

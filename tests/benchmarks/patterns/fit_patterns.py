@@ -27,7 +27,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 STRAIN, GIRTH = 0.3, 3.0  # [percentage points, mm] by which the two may differ
 LEVELS = ("chest", "waist", "hip")
@@ -159,7 +159,7 @@ def spread(figures: Figures, name: str, differences: list[float], limit: float, 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__)
     parser.add_argument("--designs", type=Path, metavar="FOLDER")
     parser.add_argument("--data", type=Path, metavar="FOLDER")
     parser.add_argument("--out", type=Path, metavar="FOLDER")
@@ -171,7 +171,6 @@ def main() -> None:
     parser.add_argument("--workers", type=int)
     parser.add_argument("--shard", type=int)
     parser.add_argument("--results", nargs="+", type=Path, default=[], metavar="PATH", help="folders or Parquet files")
-    add_write_option(parser)
     args = parser.parse_args()
     if not args.results and None in (args.designs, args.data, args.out):
         parser.error("give --designs, --data and --out, or --results")

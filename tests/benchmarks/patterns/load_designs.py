@@ -11,7 +11,6 @@ and the time of a specification, not measured. Nothing is kept on disk from befo
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -20,7 +19,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 CORES, SPECIFICATIONS = 16, 1000
 MESHED = """
@@ -66,11 +65,10 @@ def run(code: str, shares: list[list[str]]) -> tuple[float, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__)
     parser.add_argument("--designs", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--count", type=int, default=60, metavar="N")
     parser.add_argument("--processes", type=int, default=1, metavar="N")
-    add_write_option(parser)
     args = parser.parse_args()
     paths = sorted(map(str, (args.designs / "specs").glob("*_specification.json")))
     wanted = [paths[k % len(paths)] for k in range(args.count)]

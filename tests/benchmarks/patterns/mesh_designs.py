@@ -12,7 +12,6 @@ CPU milliseconds of one core for reading, meshing and sewing, and those with an 
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -24,7 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from designs.geometry import components
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 from scipy.spatial import cKDTree
 
 from warp_cloth.base.mesh import Mesh
@@ -208,11 +207,10 @@ def at_full_count(path: Path, edge: float, count: int) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__)
     parser.add_argument("--designs", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--only", nargs="*", default=[], metavar="NAME")
     parser.add_argument("--edge-mm", type=float, default=15.0)
-    add_write_option(parser)
     args = parser.parse_args()
     print("name panels vertices area% length% in_box blind topology least <25 open ms ms/7000")
     rows, times = [], []

@@ -10,7 +10,6 @@ python tests/benchmarks/validation/drape_photos.py --fabrics 60 --outlines      
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
@@ -24,7 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from drape_photos import photograph, random_view
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
@@ -151,17 +150,15 @@ def counted(every: list[Found], figures: Figures, kind: str) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__, device="cpu")
     parser.add_argument("--fabrics", type=int, default=30)
     parser.add_argument("--first", type=int, default=0, help="number of the first fabric")
     parser.add_argument("--photos", type=int, default=1, help="of each fabric")
     parser.add_argument("--rings", type=int, default=32, help="of the discs that are photographed")
     parser.add_argument("--table", action="store_true", help="the table's estimate alone, without simulation")
     parser.add_argument("--outlines", action="store_true", help="no photographs: the simulated outlines themselves")
-    parser.add_argument("--device", default="cpu")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="folder for drapes and photographs; drapes that it has are taken")
-    add_write_option(parser)
     chosen = parser.parse_args()
     folder = chosen.keep or Path(tempfile.mkdtemp())
     folder.mkdir(exist_ok=True)

@@ -13,7 +13,6 @@ python tests/benchmarks/validation/folded.py --per-length 5 10 20
 
 from __future__ import annotations
 
-import argparse
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -24,7 +23,7 @@ import numpy as np
 from elastica import LENGTH, Floats, Shape, curvature, line
 from scipy.integrate import solve_bvp
 from scipy.optimize import fsolve
-from strips import FABRIC, LIMIT, MESHES, TIGHT, WIDTH, C, Figures, add_write_option, irregular_strip, report
+from strips import FABRIC, LIMIT, MESHES, TIGHT, WIDTH, C, Figures, irregular_strip, report, script_parser
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.avatar.exact import build_exact_collider
@@ -161,11 +160,9 @@ def _plane() -> Mesh:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser = script_parser(__doc__, device="cpu")
     parser.add_argument("--per-length", type=int, nargs="+", default=(5, 10, 20), help="elements a bending length")
     parser.add_argument("--workers", type=int, default=1)
-    add_write_option(parser)
     chosen = parser.parse_args()
     theory = dict(zip(SPANS, solve(SPANS), strict=True))
     other = dict(zip(SPANS, solve(SPANS, 1.0), strict=True))

@@ -9,7 +9,6 @@ python tests/benchmarks/validation/friction_certificate.py
 
 from __future__ import annotations
 
-import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -17,7 +16,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 from methods_files import END_KNOWN
 from methods_scenes import KINDS, STIFFNESS, Case
 from methods_study import Run, run_case
@@ -45,11 +44,9 @@ def relaxed(device: str, case: tuple[Case, str]) -> Run:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser = script_parser(__doc__, device="cpu")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--only", default="", help="scenes whose names contain this")
-    add_write_option(parser)
     chosen = parser.parse_args()
     some = [case for case in cases() if chosen.only in case[0].name]
     certified = judged = held = 0

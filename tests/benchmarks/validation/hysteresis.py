@@ -5,7 +5,6 @@ python tests/benchmarks/validation/hysteresis.py --discs 2 --rings 24
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -19,7 +18,7 @@ from elastica import LENGTH, Shape, Slider, Strip, solve
 from strips import FABRIC, MESHES, C, Run, report, settled
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.bench.trials import DRAPED, drape, let_down
@@ -84,7 +83,7 @@ def drapes(figures: Figures, name: str, rings: int, discs: int) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = script_parser(__doc__)
     parser.add_argument("--per-length", type=int, nargs="+", default=(5, 10, 20), help="elements a bending length")
     parser.add_argument("--spans", type=float, nargs="+", default=SPANS)
     parser.add_argument("--method", default="multilevel")
@@ -92,7 +91,6 @@ if __name__ == "__main__":
     parser.add_argument("--rings", type=int, default=24)
     parser.add_argument("--discs", type=int, default=2)
     parser.add_argument("--workers", type=int, default=1)
-    add_write_option(parser)
     chosen = parser.parse_args()
     runs = runs_of(chosen.per_length, chosen.spans, chosen.method)
     with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:

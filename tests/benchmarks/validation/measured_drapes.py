@@ -10,7 +10,6 @@ them.
 
 from __future__ import annotations
 
-import argparse
 import csv
 import sys
 from concurrent.futures import ProcessPoolExecutor
@@ -22,7 +21,7 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.drape.outline import ANGLES
@@ -157,15 +156,13 @@ def _again(rows: list[dict[str, Any]]) -> dict[str, tuple[float, float]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__, device="cpu")
     parser.add_argument("--simulate", type=Path, metavar="CSV")
     parser.add_argument("--compare", type=Path, metavar="CSV")
     parser.add_argument("--measured", type=Path, default=Path("../shared/data/drape.csv"))
     parser.add_argument("--picture", type=Path, default=Path("measured_drapes.png"))
-    parser.add_argument("--device", default="cpu")
     parser.add_argument("--rings", type=int)
     parser.add_argument("--workers", type=int, default=1)
-    add_write_option(parser)
     chosen = parser.parse_args()
     if chosen.simulate:
         simulated(chosen.simulate, chosen.device, chosen.rings, chosen.workers)

@@ -17,7 +17,6 @@ python tests/benchmarks/validation/on_edge.py --across 4 8 16
 
 from __future__ import annotations
 
-import argparse
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -28,7 +27,7 @@ import warp as wp
 from elastica import Floats
 from scipy.linalg import eigvalsh
 from scipy.optimize import brentq
-from strips import FABRIC, MESHES, Figures, add_write_option, irregular_strip, report
+from strips import FABRIC, MESHES, Figures, irregular_strip, report, script_parser
 
 from warp_cloth.base.mesh import Indices
 from warp_cloth.base.warp_setup import start_warp
@@ -133,10 +132,9 @@ def buckling(depth: float, case: tuple[str, int]) -> tuple[float, bool]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__)
     parser.add_argument("--across", type=int, nargs="+", default=ACROSS, help="elements over the depth")
     parser.add_argument("--workers", type=int, default=1)
-    add_write_option(parser)
     chosen = parser.parse_args()
     with (
         ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool,

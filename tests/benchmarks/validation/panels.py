@@ -10,13 +10,12 @@ python tests/benchmarks/validation/panels.py --workers 8
 
 from __future__ import annotations
 
-import argparse
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
-from strips import MESHES, TIGHT, Figures, add_write_option, irregular_strip, report
+from strips import MESHES, TIGHT, Figures, irregular_strip, report, script_parser
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import start_warp
@@ -75,11 +74,9 @@ def moment(angle: float) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser = script_parser(__doc__, device="cpu")
     parser.add_argument("--per-side", type=int, nargs="+", default=PER_SIDE)
     parser.add_argument("--workers", type=int, default=1)
-    add_write_option(parser)
     chosen = parser.parse_args()
     weight = CLOTH.weight * GRAVITY
     cases = {

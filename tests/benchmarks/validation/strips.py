@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -16,7 +15,7 @@ from PIL import Image, ImageDraw
 from scipy.spatial import Delaunay
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import start_warp
@@ -159,13 +158,11 @@ Read = Callable[[Shape], dict[str, float]]  # a case's figures of a line
 
 def run_cases(script: str, cases: dict[str, Strip], read: Read) -> None:
     """The command of a case's script: simulates on all meshes, prints errors [%] and the order of convergence."""
-    parser = argparse.ArgumentParser(description=f"Strips against the heavy elastica: {', '.join(cases)}.")
-    parser.add_argument("--device", default="cpu")
+    parser = script_parser(f"Strips against the heavy elastica: {', '.join(cases)}.", device="cpu")
     parser.add_argument("--method", default="multilevel")
     parser.add_argument("--per-length", type=int, nargs="+", default=PER_LENGTH, help="elements a bending length")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--picture", type=Path, help="draws the lines")
-    add_write_option(parser)
     chosen = parser.parse_args()
     runs = [
         Run(name, strip, mesh, count, chosen.method, chosen.device)
