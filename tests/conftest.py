@@ -47,6 +47,13 @@ def pytest_sessionstart() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    import warp as wp
+
+    if item.get_closest_marker("cuda") and not wp.is_cuda_available():
+        pytest.skip("no CUDA device")
+
+
 COMPILING = "test_kernels.py"
 MANY = 10  # tests of a file that begins before long ones: it compiles most of the kernels that these need
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -85,14 +84,3 @@ def pleated_skirt(pleats: int, along: int, rows: int, waist: float, length: floa
     r = waist + out + flare * (1.0 - y / length)
     points = np.stack([r * np.cos(angle / waist), y, r * np.sin(angle / waist)], axis=1)
     return Folded(points, *_cloth(len(ring), rows, u, y, float(steps.sum())))
-
-
-def write_folded(path: Path, folded: Folded) -> None:
-    """The mesh as OBJ, with texture coordinates for each corner."""
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in folded.points.tolist()]
-    lines += [f"vt {u!r} {v!r}" for u, v in folded.texcoords.reshape(-1, 2).tolist()]
-    lines += [
-        "f " + " ".join(f"{corner + 1}/{3 * face + k + 1}" for k, corner in enumerate(corners))
-        for face, corners in enumerate(folded.triangles.tolist())
-    ]
-    path.write_text("\n".join(lines) + "\n")

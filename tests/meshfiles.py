@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from numpy.typing import ArrayLike
 from pxr import Sdf, Usd, UsdGeom, Vt
 
@@ -33,23 +35,30 @@ def ball(radius: float = 0.25, height: float = 1.25) -> tuple[np.ndarray, np.nda
     return mesh.points, mesh.triangles
 
 
-def write_obj(path: Path, points: np.ndarray, faces: Faces, texcoords: ArrayLike | None = None) -> None:
-    """Text; texture coordinates per vertex."""
+def obj_text(points: np.ndarray, faces: Faces, texcoords: ArrayLike | None = None) -> str:
+    """An OBJ; texture coordinates of each vertex, shape [V, 2], or of each corner of triangles, shape [F, 3, 2]."""
+    corners = [[str(int(corner) + 1) for corner in face] for face in faces]
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(points, dtype=float).tolist()]
     if texcoords is not None:
-        lines += [f"vt {u!r} {v!r}" for u, v in np.asarray(texcoords, dtype=float).tolist()]
-    slash = "" if texcoords is None else "/{0}"
-    lines += ["f " + " ".join(("{0}" + slash).format(int(corner) + 1) for corner in face) for face in faces]
-    path.write_text("\n".join(lines) + "\n")
+        flat, number = np.asarray(texcoords, dtype=float), itertools.count(1)
+        lines += [f"vt {u!r} {v!r}" for u, v in flat.reshape(-1, 2).tolist()]
+        corners = [[f"{each}/{next(number) if flat.ndim == 3 else each}" for each in face] for face in corners]
+    return "\n".join([*lines, *("f " + " ".join(face) for face in corners), ""])
+
+
+def write_obj(path: Path, points: np.ndarray, faces: Faces, texcoords: ArrayLike | None = None) -> None:
+    path.write_text(obj_text(points, faces, texcoords))
+
+
+def as_mesh(*shapes: trimesh.Trimesh) -> Mesh:
+    """A shape, or several as one."""
+    shape = trimesh.util.concatenate(list(shapes))
+    return Mesh("shape", np.asarray(shape.vertices, dtype=np.float64), np.asarray(shape.faces, dtype=np.int32))
 
 
 def write_panels(path: Path, points: np.ndarray, mesh: Mesh, scale: float = 1.0) -> Path:
     """An OBJ file of a garment with its vertices at ``points``, and its texture coordinates, a corner each, scaled."""
-    lines = ["v " + " ".join(f"{x:.7f}" for x in point) for point in points]
-    lines += ["vt " + " ".join(f"{x:.7f}" for x in corner) for corner in scale * mesh.texcoords.reshape(-1, 2)]
-    for number, triangle in enumerate(mesh.triangles):
-        lines.append("f " + " ".join(f"{vertex + 1}/{3 * number + k + 1}" for k, vertex in enumerate(triangle)))
-    path.write_text("\n".join(lines) + "\n")
+    write_obj(path, points.round(7), mesh.triangles, (scale * mesh.texcoords).round(7))
     return path
 
 

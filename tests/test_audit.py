@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from meshfiles import as_mesh
 
 from warp_cloth.avatar import field
 from warp_cloth.avatar.contact import AvatarContact, ContactOptions
@@ -16,10 +17,6 @@ from warp_cloth.base.mesh import Mesh
 OFFSET = 0.003  # [m]
 SHARE_ERROR = 0.01  # of a share of area told by 10,000 samples
 WIDE = np.full(3, 10.0)  # [m]
-
-
-def as_mesh(shape: trimesh.Trimesh) -> Mesh:
-    return Mesh("shape", np.asarray(shape.vertices, dtype=np.float64), np.asarray(shape.faces, dtype=np.int32))
 
 
 def box(size: tuple[float, float, float], centre: tuple[float, float, float], cuts: int = 4) -> trimesh.Trimesh:
@@ -69,8 +66,7 @@ def test_large_triangles_are_judged_where_the_garment_is_and_nowhere_else() -> N
 
 
 def test_inner_parts_are_no_surface() -> None:
-    shape = trimesh.util.concatenate([box((0.2, 0.2, 0.2), (0, 0, 0)), box((0.1, 0.1, 0.1), (0.0, 0.0, 0.02))])
-    mesh = as_mesh(shape)
+    mesh = as_mesh(box((0.2, 0.2, 0.2), (0, 0, 0)), box((0.1, 0.1, 0.1), (0.0, 0.0, 0.02)))
     surface = near_surface(mesh, build_exact_collider(mesh, "cpu"), around(mesh), -WIDE, WIDE)
     assert surface.area == pytest.approx(6 * 0.2**2, rel=1e-2)
     assert np.abs(surface.points).max(axis=1).min() > 0.099
@@ -87,8 +83,7 @@ def test_error_of_a_collider_that_is_off_by_a_millimetre_is_a_millimetre() -> No
 
 
 def test_gap_too_narrow_for_cloth_is_not_judged() -> None:
-    shape = trimesh.util.concatenate([box((0.2, 0.2, 0.2), (-0.102, 0, 0)), box((0.2, 0.2, 0.2), (0.102, 0, 0))])
-    mesh = as_mesh(shape)
+    mesh = as_mesh(box((0.2, 0.2, 0.2), (-0.102, 0, 0)), box((0.2, 0.2, 0.2), (0.102, 0, 0)))
     exact = build_exact_collider(mesh, "cpu")
     points = near_surface(mesh, exact, around(mesh), -WIDE, WIDE).worn(exact, OFFSET)
     between = (np.abs(points[:, 1:]) < 0.099).all(axis=1)
@@ -103,7 +98,7 @@ def between_walls() -> Mesh:
     """Two blocks 20 mm apart, covered before, behind and above: no view of the three sees between them."""
     parts = [box((0.06, 0.1, 0.06), (x, 0.0, 0.0)) for x in (-0.04, 0.04)]
     parts += [box((0.16, 0.2, 0.02), (0.0, 0.0, z)) for z in (-0.05, 0.05)]
-    return as_mesh(trimesh.util.concatenate([*parts, box((0.16, 0.02, 0.12), (0.0, 0.07, 0.0))]))
+    return as_mesh(*parts, box((0.16, 0.02, 0.12), (0.0, 0.07, 0.0)))
 
 
 def test_auto_keeps_the_three_buffers_where_they_do() -> None:

@@ -74,8 +74,8 @@ class HerePool:
         pass
 
 
-def drive(out: Path, items: list[Item], size: int, pool: Any = None, keep: Keep = "arrays") -> Any:
-    store = Store(out, keep)
+def drive(out: Path, items: list[Item], size: int, pool: Any = None, keep: Keep = "arrays", ease: bool = True) -> Any:
+    store = Store(out, keep, ease=ease)
     store.open()
     return Batch(store, split(items, size), pool or HerePool(), lambda _: None, 0.0).run()
 
@@ -112,9 +112,7 @@ def test_results_have_the_ease_and_girths_of_a_fit_of_its_own_unless_not_wanted(
     closed = {row["level"]: row["garment_girth"] for row in fit.report["girths_mm"] if row["closed"]}
     assert [rows["shirt"][f"girth_{level}_cm"] for level in closed] == pytest.approx([0.1 * g for g in closed.values()])
     assert rows[items[1].name]["ease_chest_cm"] is None  # no body
-    store = Store(tmp_path / "without", "none", ease=False)
-    store.open()
-    Batch(store, split(items, 2), HerePool(), lambda _: None, 0.0).run()
+    drive(tmp_path / "without", items, 2, keep="none", ease=False)
     without = results(tmp_path / "without")["shirt"]
     assert without["ease_chest_cm"] is None
     assert without["girth_chest_cm"] is None
@@ -332,10 +330,8 @@ def test_a_folder_with_another_batchs_results_is_left_as_it_is(tmp_path: Path) -
 
 
 def test_the_last_lines_say_why_items_have_no_result(tmp_path: Path) -> None:
-    report = drive(
-        tmp_path / "out", [tiny("good"), *poisoned(tmp_path), Item("also", "hanging", ("solver.iterations=-1",))], 4
-    )
-    lines = summary(report)
+    items = [tiny("good"), *poisoned(tmp_path), Item("also", "hanging", ("solver.iterations=-1",))]
+    lines = summary(drive(tmp_path / "out", items, 4))
     assert lines[0].startswith("12 items in ")
     assert lines[1] == "  worn         0 of 12; problems: 1 not_at_rest"
     reason = "column solver.iterations: must be an integer from 0 to 10000000, not -1"
@@ -367,8 +363,8 @@ def test_the_contact_sheet_shows_the_worst_first(tmp_path: Path) -> None:
     items = [tiny("hangs"), Item("<b>bad</b>", "hanging", ("garment.fabric=cardboard",)), tiny("too")]
     report = run_batch(items, tmp_path, device="cpu", workers=1, sheet=2)
     assert report.sheet == tmp_path / "contact_sheet.html"
-    assert "% (99th percentile)" in report.sheet.read_text(encoding="utf-8")
     page = report.sheet.read_text(encoding="utf-8")
+    assert "% (99th percentile)" in page
     assert "0 of 3 worn; 2 shown" in page
     assert page.index("&lt;b&gt;bad&lt;/b&gt;") < page.index("<b>hangs</b>")
     assert "<b>too</b>" not in page
@@ -394,11 +390,9 @@ def test_wrong_options_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_worker_goes_on_with_what_shares_its_meshes_and_leaves_to_others_what_shares_theirs() -> None:
-    dress, shirt = ("garment.mesh=dress.obj", "garment.mesh=shirt.obj")
-    shards = split(
-        [Item(str(i), "scene.toml", (mesh, f"garment.fabric={i}")) for i, mesh in enumerate([dress] * 2 + [shirt] * 2)],
-        1,
-    )
+    meshes = ("dress.obj", "dress.obj", "shirt.obj", "shirt.obj")
+    changes = [(f"garment.mesh={mesh}", f"garment.fabric={number}") for number, mesh in enumerate(meshes)]
+    shards = split([Item(str(number), "scene.toml", change) for number, change in enumerate(changes)], 1)
     waiting = [shard.inputs for shard in shards]
     assert best_shared(waiting, frozenset(), []) == 0
     assert best_shared(waiting[1:], frozenset(), [waiting[0]]) == 1, "another worker has the dress"

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
+from devices import DEVICES
 
 from warp_cloth.contact import box_tree as trees
 from warp_cloth.contact.leaf_order import LeafOrder, sheet_order
@@ -26,10 +27,6 @@ from warp_cloth.kernels.contact.box_tree import (
     store_box,
 )
 
-DEVICES = [
-    "cpu",
-    pytest.param("cuda:0", marks=pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here")),
-]
 COUNT = 5000  # boxes: five blocks of leaves, the last not full
 THREADS = 256
 SIZE = 0.02  # of a box, in a cube of side 1

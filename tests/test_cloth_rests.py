@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from folds import BALL, HANGING, Folded, folded_sheet, pleated_skirt, turned_sleeve, write_folded
+from folds import BALL, HANGING, Folded, folded_sheet, pleated_skirt, turned_sleeve
+from meshfiles import write_obj
 from touching import FORCE_ROUNDING, RELATIVE_ROUNDING, brute_forces, touching_pairs
 
 from warp_cloth.contact.crossing import find_crossings
@@ -38,7 +39,7 @@ FOLDED: dict[str, tuple[Callable[[], Folded], dict[str, Any], dict[str, Any]]] =
 def at_rest(folder: Path, name: str) -> Problem:
     """The scene, relaxed until its certificate holds."""
     build, of_garment, of_scene = FOLDED[name]
-    write_folded(folder / "cloth.obj", build())
+    write_obj(folder / "cloth.obj", *build())
     garment = {"mesh": str(folder / "cloth.obj"), "rest": "uv", "units": "m", "fabric": "jersey", **of_garment}
     made = load_problem(load_scene({"garment": garment, "collision": {"cloth": True}, **of_scene}), "cpu")
     follow = collider_updates(made)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import warp as wp
 from cloths import NO_PINS, grid
+from meshfiles import write_obj
 from sheets import THICKNESS, crumpled, iterate, look, moved, sheets_at
 
 import warp_cloth
@@ -243,7 +244,8 @@ def test_a_shift_is_told_by_where_it_goes(shift: tuple[float, float, float], tol
 
 
 def test_what_crosses_is_reported_and_marked(tmp_path: Path) -> None:
-    write_crossing(tmp_path / "crossed.obj")
+    points = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.6, 0.8, 0.6], [0.5, 0.4, -0.5]])
+    write_obj(tmp_path / "crossed.obj", points, [[0, 1, 2], [2, 1, 3], [2, 3, 4]])  # the last through the first
     scene = {
         "garment": {"mesh": str(tmp_path / "crossed.obj"), "units": "m", "pin": {"vertices": [0]}},
         "solver": {"iterations": 0},
@@ -253,11 +255,3 @@ def test_what_crosses_is_reported_and_marked(tmp_path: Path) -> None:
     assert worn.report["crossings"] == {"pairs": len(faces) // 2, "between_garments": 0, "faces": len(faces)}
     marked = np.flatnonzero(worn.garments[0].fields["crossing"])
     assert set(marked) == set(worn.garments[0].mesh.triangles[faces].ravel())
-
-
-def write_crossing(path: Path) -> None:
-    """A strip of three triangles whose last passes through its first."""
-    points = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.6, 0.8, 0.6], [0.5, 0.4, -0.5]])
-    faces = [[1, 2, 3], [3, 2, 4], [3, 4, 5]]
-    lines = [f"v {x} {y} {z}\n" for x, y, z in points] + [f"f {a} {b} {c}\n" for a, b, c in faces]
-    path.write_text("".join(lines))

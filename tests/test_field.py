@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 import warp as wp
+from meshfiles import as_mesh
 
 from warp_cloth.avatar.depth import build_depth_buffers
 from warp_cloth.avatar.exact import build_exact_collider
@@ -28,13 +30,8 @@ NORMAL_STEP = 0.2  # change of the unit normal in one step of the walk: 5 mm of 
 
 
 def sphere(centre: float = 0.0) -> Mesh:
-    mesh = trimesh.creation.icosphere(subdivisions=5, radius=RADIUS)
-    return Mesh("sphere", np.asarray(mesh.vertices, dtype=np.float64) + centre, np.asarray(mesh.faces, dtype=np.int32))
-
-
-def body(data: Path, name: str) -> Mesh:
-    mesh = trimesh.load(data / name, process=False)
-    return Mesh(name, np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int32))
+    mesh = as_mesh(trimesh.creation.icosphere(subdivisions=5, radius=RADIUS))
+    return replace(mesh, points=mesh.points + centre)
 
 
 def bake(mesh: Mesh, device: str = "cpu", lower: float = -np.inf, upper: float = np.inf) -> FieldBuild:
@@ -105,8 +102,7 @@ def test_finger_is_no_thinner_than_it_is() -> None:
     """A rod of 8 mm, aslant to the grid, keeps its surface and an inside."""
     rod = trimesh.creation.capsule(height=0.08, radius=0.004, count=[24, 24])
     rod.apply_transform(trimesh.transformations.rotation_matrix(0.6, (1.0, 0.4, 0.3)))
-    mesh = Mesh("rod", np.asarray(rod.vertices, dtype=np.float64), np.asarray(rod.faces, dtype=np.int32))
-    field = bake(mesh)
+    field = bake(as_mesh(rod))
     middle = rod.vertices.mean(axis=0)
     axis = np.linalg.svd(rod.vertices - middle, full_matrices=False)[2][0]
     along = middle + np.linspace(-0.03, 0.03, 50)[:, None] * axis
@@ -173,7 +169,7 @@ def seen(mesh: Mesh, points: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("name", ["garmentcode/mean_all.obj", "anny/female_avg_T_pose.obj"])
 def test_trunk_of_a_body(shared_data: Path, name: str) -> None:
     """Between thigh and shoulder: distance against the exact one, the offset kept, no jump across silhouettes."""
-    mesh = body(shared_data, name)
+    mesh = as_mesh(trimesh.load(shared_data / name, process=False))
     field = bake(mesh, lower=0.7, upper=1.5)
     exact = build_exact_collider(mesh, "cpu", reach=1.0)
     whole = trimesh.Trimesh(mesh.points, mesh.triangles, process=False)
@@ -203,8 +199,6 @@ def test_trunk_of_a_body(shared_data: Path, name: str) -> None:
 
 @pytest.mark.cuda
 def test_cuda_bakes_what_the_cpu_bakes() -> None:
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
     points = directions(2000) * np.random.default_rng(5).uniform(RADIUS - 0.02, RADIUS + 0.009, (2000, 1))
     on_cpu, on_cuda = bake(sphere()).sample(points), bake(sphere(), "cuda:0").sample(points)
     assert np.abs(on_cpu[:, 3] - on_cuda[:, 3]).max() < 1.0e-4

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import warp as wp
 from cloths import cloth_forces, grid, model_of, without
+from devices import DEVICES
 
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.garment.rest import build_rest_shape
@@ -164,19 +164,7 @@ def test_evenly_drawn_cloth_is_balanced_inside_to_the_last_digits(terms: str, ac
     assert forces[inside].max() < LAST_DIGITS * forces.max()
 
 
-@pytest.mark.parametrize(
-    "device",
-    [
-        "cpu",
-        pytest.param(
-            "cuda:0",
-            marks=[
-                pytest.mark.cuda,
-                pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine"),
-            ],
-        ),
-    ],
-)
+@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(
     ("accumulate", "precision"),
     [

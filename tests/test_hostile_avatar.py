@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from meshfiles import sheet, write_obj
+from meshfiles import as_mesh, sheet, write_obj
 
 import warp_cloth
 from warp_cloth.avatar.contact import AvatarContact, ContactOptions
@@ -130,9 +130,7 @@ def loaded(folder: Path, shape: trimesh.Trimesh) -> Mesh:
 @pytest.mark.parametrize("case", AVATARS)
 def test_contact_is_that_of_the_sound_body(tmp_path: Path, case: str) -> None:
     mesh = loaded(tmp_path, AVATARS[case]())
-    sound = build_exact_collider(
-        Mesh("sound", np.asarray(ball().vertices, dtype=np.float64), np.asarray(ball().faces, dtype=np.int32)), "cpu"
-    )
+    sound = build_exact_collider(as_mesh(ball()), "cpu")
     random = np.random.default_rng(1)
     way = random.normal(size=(3000, 3))
     points = way / np.linalg.norm(way, axis=1)[:, None] * (RADIUS + random.uniform(-0.003, 0.008, (3000, 1)))
@@ -154,7 +152,7 @@ def test_contact_is_that_of_the_sound_body(tmp_path: Path, case: str) -> None:
 
 
 def test_closed_mesh_is_left_as_it_is() -> None:
-    mesh = Mesh("ball", np.asarray(ball().vertices, dtype=np.float64), np.asarray(ball().faces, dtype=np.int32))
+    mesh = as_mesh(ball())
     closing = closing_of(mesh)
     assert (closing.holes, closing.sheets, closing.lid_area) == (0, 0, 0.0)
     assert (closing.triangles == mesh.triangles).all()
@@ -164,8 +162,7 @@ def test_closed_mesh_is_left_as_it_is() -> None:
 @pytest.mark.parametrize("case", ["open_neck", "small_holes", "scattered_flips"])
 def test_rays_through_a_closed_avatar_balance_whatever_was_wrong_with_it(case: str) -> None:
     """Also with faces that loading would have turned: the cones take up what does not cancel."""
-    shape = AVATARS[case]()
-    mesh = Mesh(case, np.asarray(shape.vertices, dtype=np.float64), np.asarray(shape.faces, dtype=np.int32))
+    mesh = as_mesh(AVATARS[case]())
     solid = closing_of(mesh).closed(mesh)
     lower, upper = solid.bounds()
     assert (
@@ -247,7 +244,5 @@ def test_cloth_lies_on_a_hostile_avatar_as_on_a_sound_one(tmp_path: Path) -> Non
     worn = warp_cloth.fit(scene, device="cpu")
     assert worn.status is Status.AT_REST
     assert worn.report["contact"]["holes_closed"] > 10
-    sound = Mesh(
-        "sound", np.asarray(ball().vertices) + np.array([0.0, 1.0, 0.0]), np.asarray(ball().faces, dtype=np.int32)
-    )
+    sound = as_mesh(ball().apply_translation((0.0, 1.0, 0.0)))
     assert penetration(worn.garments[0].points, sound, "cpu").max < WORN

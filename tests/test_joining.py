@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
+from devices import DEVICES
 from numpy.typing import NDArray
 
 from warp_cloth.model import upload as joining
 from warp_cloth.model.upload import upload_concatenated
 
-NO_GPU = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device")
 NUMBERS = np.arange(12, dtype=np.int32).reshape(4, 3)
 SIGNED = np.array([[-3, 4, -1], [7, -9, 2]], dtype=np.int32)
 LAWS = np.linspace(-1.0, 1.0, 20).reshape(5, 4)
@@ -28,7 +28,7 @@ LAWS = np.linspace(-1.0, 1.0, 20).reshape(5, 4)
         ([np.array([5, 1 << 63], dtype=np.uint64), np.array([9], dtype=np.uint64)], wp.uint64, {"more": 2}),
     ],
 )
-@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=[pytest.mark.cuda, NO_GPU])])
+@pytest.mark.parametrize("device", DEVICES)
 def test_arrays_are_put_end_to_end_alike_here_and_there(
     own: list[NDArray[Any]], dtype: Any, how: dict[str, Any], device: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-import warp as wp
+from meshfiles import as_mesh
 
 from warp_cloth.avatar.depth import build_depth_buffers
 from warp_cloth.avatar.exact import build_exact_collider
@@ -22,11 +22,6 @@ RADIUS = 0.05  # of the test's limbs [m]
 DEPTH_ERROR = 2.0e-5  # [m]: float32 edge functions over triangles seen aslant
 NEAR_ERROR = 3.0e-4  # [m] near a smooth surface: facets of the mesh, the spline's rounding on 5 mm
 BODIES = ("garmentcode/mean_all.obj", *(f"anny/female_avg_{pose}.obj" for pose in ("A_pose", "T_pose", "arms_down")))
-
-
-def as_mesh(*shapes: trimesh.Trimesh) -> Mesh:
-    shape = trimesh.util.concatenate(list(shapes))
-    return Mesh("shape", np.asarray(shape.vertices, dtype=np.float64), np.asarray(shape.faces, dtype=np.int32))
 
 
 def limb(x: float, radius: float = RADIUS, z: float = 0.0) -> trimesh.Trimesh:
@@ -151,8 +146,6 @@ def test_field_of_all_layers_near_a_round_limb() -> None:
 
 @pytest.mark.cuda
 def test_cuda_draws_the_layers_that_the_cpu_draws() -> None:
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
     mesh = as_mesh(limb(0.0), limb(0.03))
     on_cpu, on_cuda = draw(mesh), draw(mesh, "cuda:0")
     for one, other in zip(on_cpu.views, on_cuda.views, strict=True):

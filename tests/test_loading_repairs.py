@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from meshfiles import obj_text
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
@@ -19,11 +20,6 @@ def load(tmp_path: Path, text: str, role: str = "garment", **options: object) ->
     path = tmp_path / "mesh.obj"
     path.write_text(text)
     return load_mesh(path, role=role, key=role, units="m", **options)  # type: ignore[arg-type]
-
-
-def obj(points: np.ndarray, triangles: np.ndarray) -> str:
-    rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
-    return "\n".join(rows + ["f " + " ".join(str(i + 1) for i in face) for face in triangles.tolist()])
 
 
 def grid(count: int = 5) -> tuple[np.ndarray, np.ndarray]:
@@ -48,7 +44,7 @@ def noted(mesh: Mesh, *words: str) -> bool:
 
 def test_sound_mesh_is_left_as_it_is(tmp_path: Path) -> None:
     points, triangles = grid()
-    mesh = load(tmp_path, obj(points, triangles))
+    mesh = load(tmp_path, obj_text(points, triangles))
     np.testing.assert_array_equal(mesh.points, points)
     np.testing.assert_array_equal(mesh.triangles, triangles)
     assert mesh.notes == ()
@@ -99,7 +95,7 @@ def test_flipped_winding_is_made_consistent_with_the_majority(tmp_path: Path) ->
     mixed = triangles.copy()
     flipped = np.random.default_rng(1).permutation(len(mixed))[: len(mixed) // 3]
     mixed[flipped] = mixed[flipped, ::-1]
-    mesh = load(tmp_path, obj(points, mixed))
+    mesh = load(tmp_path, obj_text(points, mixed))
     assert edge_use(mesh)[1].max() == 1
     turned = np.cross(points[mesh.triangles[:, 1]] - points[mesh.triangles[:, 0]], [0, 0, 1.0])
     assert (np.einsum("ij,ij->i", turned, points[mesh.triangles[:, 2]] - points[mesh.triangles[:, 0]]) < 0).all()
@@ -161,7 +157,7 @@ def test_quad_that_repeats_a_vertex_is_a_triangle(tmp_path: Path) -> None:
 
 
 def unwelded(points: np.ndarray, triangles: np.ndarray) -> str:
-    return obj(points[triangles].reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+    return obj_text(points[triangles].reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
 
 
 def test_unwelded_mesh_is_welded_with_a_map(tmp_path: Path) -> None:
@@ -179,7 +175,7 @@ def test_mesh_cut_at_a_seam_is_welded_there(tmp_path: Path) -> None:
     points, triangles = grid()
     right = points[triangles][:, :, 0].mean(axis=1) > 0.5
     doubled = np.where(right[:, None], triangles + len(points), triangles)
-    mesh = load(tmp_path, obj(np.concatenate([points, points]), doubled))
+    mesh = load(tmp_path, obj_text(np.concatenate([points, points]), doubled))
     assert mesh.vertex_count == len(points)
     assert edge_use(mesh)[0].max() == 2
     assert (edge_use(mesh)[0] == 1).sum() == 16
@@ -200,7 +196,7 @@ def test_a_seam_that_rounding_opened_is_closed_and_an_open_one_told_of(
     points, triangles = grid(5)
     right = points + np.array([1.0 + apart, 0.0, 0.0])
     both = np.concatenate([triangles, triangles + len(points)])
-    mesh = load(tmp_path, obj(np.concatenate([points, right]), both))
+    mesh = load(tmp_path, obj_text(np.concatenate([points, right]), both))
     assert mesh.vertex_count == 2 * len(points) - (5 if joined else 0)
     assert noted(mesh, "5 vertices welded to others up to" if joined else "2 separate pieces")
 
@@ -216,7 +212,7 @@ def test_unwelded_duplicate_facets_are_dropped(tmp_path: Path) -> None:
 def test_sheet_and_its_copy_stay_two_layers(tmp_path: Path) -> None:
     points, triangles = grid()
     both = np.concatenate([triangles, triangles + len(points)])
-    mesh = load(tmp_path, obj(np.concatenate([points, points]), both))
+    mesh = load(tmp_path, obj_text(np.concatenate([points, points]), both))
     assert mesh.vertex_count == 2 * len(points)
     assert mesh.vertex_map is None
     assert edge_use(mesh)[0].max() == 2
@@ -228,10 +224,10 @@ def test_parts_that_touch_stay_apart(tmp_path: Path) -> None:
     """At a point; and at an edge that runs through the middle of one of them."""
     points, triangles = grid(3)
     moved = points + np.array([1, 1, 0])
-    mesh = load(tmp_path, obj(np.concatenate([points, moved]), np.concatenate([triangles, triangles + 9])))
+    mesh = load(tmp_path, obj_text(np.concatenate([points, moved]), np.concatenate([triangles, triangles + 9])))
     assert mesh.vertex_count == 18
     upright = points[:, [2, 1, 0]] + np.array([0.5, 0, 0])
-    mesh = load(tmp_path, obj(np.concatenate([points, upright]), np.concatenate([triangles, triangles + 9])))
+    mesh = load(tmp_path, obj_text(np.concatenate([points, upright]), np.concatenate([triangles, triangles + 9])))
     assert mesh.vertex_count == 18
     assert edge_use(mesh)[0].max() == 2
 
@@ -239,7 +235,7 @@ def test_parts_that_touch_stay_apart(tmp_path: Path) -> None:
 def test_panels_with_a_common_outline_edge_are_sewn(tmp_path: Path) -> None:
     points, triangles = grid(3)
     side = points + np.array([1, 0, 0])
-    mesh = load(tmp_path, obj(np.concatenate([points, side]), np.concatenate([triangles, triangles + 9])))
+    mesh = load(tmp_path, obj_text(np.concatenate([points, side]), np.concatenate([triangles, triangles + 9])))
     assert mesh.vertex_count == 15
 
 
@@ -252,11 +248,9 @@ def two_panels(*, sewn: bool, shift: float = 1.03, turn: float = 1.0) -> str:
     other = triangles + len(points)
     for row in range(3 if sewn else 0):
         other = np.where(other == len(points) + 5 * row, 5 * row + 4, other)
-    rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.concatenate([points, points + np.eye(3)[0]]).tolist()]
     flat = np.concatenate([points[triangles], points[triangles] * [turn, 1.0, 1.0] + [shift, 0.0, 0.0]])
-    rows += [f"vt {u!r} {v!r}" for u, v, _ in flat.reshape(-1, 3).tolist()]
-    faces = np.stack([np.concatenate([triangles, other]), np.arange(len(flat) * 3).reshape(-1, 3)], axis=-1) + 1
-    return "\n".join(rows + ["f " + " ".join(f"{v}/{vt}" for v, vt in face) for face in faces.tolist()])
+    both = np.concatenate([points, points + np.eye(3)[0]])
+    return obj_text(both, np.concatenate([triangles, other]), flat[:, :, :2])
 
 
 @pytest.mark.parametrize(("shift", "turn"), [(1.03, 1.0), (1.0, -1.0)])

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import warp as wp
 
 import warp_cloth
 from warp_cloth.avatar.contact import AvatarContact
@@ -38,8 +37,7 @@ ON_SPHERE = ["solver.iterations=330", "collision.pixel_mm=10"]
 HANGING = ["garment.shape.vertices_per_side=6", "solver.iterations=250"]
 SQUARE = {"shape": {"kind": "square", "vertices_per_side": 6}, "pin": {"vertices": [0]}}
 SHORT = {"iterations": 50}
-NO_GPU = pytest.mark.skipif(not wp.is_cuda_available(), reason="no GPU")
-CUDA = pytest.param("cuda:0", True, marks=[pytest.mark.cuda, NO_GPU])
+CUDA = pytest.param("cuda:0", True, marks=pytest.mark.cuda)
 
 
 def mixture() -> list[Scene]:
@@ -162,7 +160,6 @@ def test_what_a_batch_takes_over_of_earlier_ones_changes_no_bit(gathers: bool, m
 
 
 @pytest.mark.cuda
-@NO_GPU
 def test_a_batch_has_the_same_bits_on_both_devices() -> None:
     # the exact mesh is searched by Warp's own trees, whose rounding differs
     scenes = [scene for scene in mixture() if scene.collision.avatar != "mesh"]

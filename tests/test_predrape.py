@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import warp as wp
+from devices import DEVICES
 
 import warp_cloth
 from warp_cloth.base.cache import Cache
@@ -26,8 +26,6 @@ from warp_cloth.scene.predrape import FABRIC, FRICTION, ITERATIONS, predrape_sce
 from warp_cloth.solver.loop import relax_items
 
 CLOTH = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "collision.cloth=false", "solver.iterations=400"]
-NO_GPU = pytest.mark.skipif(not wp.is_cuda_available(), reason="no GPU")
-DEVICES = ["cpu", pytest.param("cuda:0", marks=[pytest.mark.cuda, NO_GPU])]
 
 
 def draped(*changes: str) -> Scene:

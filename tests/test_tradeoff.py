@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 from cloths import grid
-from extreme_meshes import sheet, write_garment
+from extreme_meshes import sheet
+from meshfiles import write_obj
 from typer.testing import CliRunner
 
 from warp_cloth.base.errors import InputError
@@ -135,7 +136,7 @@ def test_another_mesh_in_the_same_file_is_another_study(tmp_path: Path) -> None:
     mesh = tmp_path / "sheet.obj"
     kept = set()
     for size in (0.3, 0.4):
-        write_garment(mesh, sheet(np.linspace(0.0, size, 5), np.linspace(1.0, 1.0 + size, 5)))
+        write_obj(mesh, *sheet(np.linspace(0.0, size, 5), np.linspace(1.0, 1.0 + size, 5)))
         scene = load_scene({"garment": {"mesh": str(mesh), "units": "m", "pin": {"loop": "top"}}})
         study = TradeStudy(scene, device="cpu", within_mm=WITHIN_MM, folder=tmp_path, log=lambda _: None)
         kept.add(study._trials_path)

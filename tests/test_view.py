@@ -6,11 +6,12 @@ import io
 import json
 import struct
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -171,11 +172,21 @@ def test_legend_names_the_map_and_its_ends() -> None:
 
 
 @pytest.fixture
-def page(live: LiveFit) -> Iterator[object]:
+def page_of() -> Iterator[Callable[[LiveFit], Any]]:
+    """Makes a page, and ends it after the test."""
     pytest.importorskip("viser")
     from warp_cloth.view.page import Page
 
-    page = Page(live, port=0)
+    made: list[Page] = []
+    yield lambda live: made.append(Page(live, port=0)) or made[-1]
+    for page in made:
+        page.stop()
+        page.run()
+
+
+@pytest.fixture
+def page(live: LiveFit, page_of: Callable[[LiveFit], Any]) -> Iterator[Any]:
+    page = page_of(live)
     page._is_watched = lambda: True
     thread = threading.Thread(target=page.run)
     thread.start()
@@ -195,20 +206,13 @@ def test_sliders_end_where_the_schema_does(key: str, table: type) -> None:
         table.model_validate({**valid, key: high * 1.01})
 
 
-def test_it_waits_for_a_browser(live: LiveFit) -> None:
-    pytest.importorskip("viser")
-    from warp_cloth.view.page import Page
-
-    page = Page(live, port=0)
-    try:
-        page._step()
-        assert live.iteration == 0
-        page._is_watched = lambda: True
-        page._step()
-        assert live.iteration > 0
-    finally:
-        page.stop()
-        page.run()
+def test_it_waits_for_a_browser(live: LiveFit, page_of: Callable[[LiveFit], Any]) -> None:
+    page = page_of(live)
+    page._step()
+    assert live.iteration == 0
+    page._is_watched = lambda: True
+    page._step()
+    assert live.iteration > 0
 
 
 def test_a_shape_at_rest_is_judged_and_a_fit_is_that_of_the_library(live: LiveFit) -> None:
@@ -256,26 +260,21 @@ def test_a_change_takes_the_place_of_what_is_below_it_and_none_of_that_at_first(
 
 
 @pytest.mark.parametrize(("change", "offered"), [({}, "jersey"), ({"garment.fabric.weight": "0.3"}, "jersey (from")])
-def test_a_fabric_of_the_scenes_own_is_offered_and_can_be_gone_back_to(change: dict[str, str], offered: str) -> None:
-    pytest.importorskip("viser")
-    from warp_cloth.view.page import Page
-
+def test_a_fabric_of_the_scenes_own_is_offered_and_can_be_gone_back_to(
+    change: dict[str, str], offered: str, page_of: Callable[[LiveFit], Any]
+) -> None:
     live = LiveFit(DRAPED, change, "cpu")
-    page = Page(live, port=0)
-    try:
-        chosen = page._fabric
-        own = chosen.value
-        assert own.startswith(offered)
-        weight = live.scene.garments[0].fabric.weight
-        chosen.value = "denim"
-        page._step()
-        assert live.scene.garments[0].fabric.name == "denim"
-        chosen.value = own
-        page._step()
-        assert live.scene.garments[0].fabric.weight == weight
-    finally:
-        page.stop()
-        page.run()
+    page = page_of(live)
+    chosen = page._fabric
+    own = chosen.value
+    assert own.startswith(offered)
+    weight = live.scene.garments[0].fabric.weight
+    chosen.value = "denim"
+    page._step()
+    assert live.scene.garments[0].fabric.name == "denim"
+    chosen.value = own
+    page._step()
+    assert live.scene.garments[0].fabric.weight == weight
 
 
 def test_a_browser_opens_the_page_where_that_is_asked(live: LiveFit, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -297,20 +296,13 @@ def test_a_browser_opens_the_page_where_that_is_asked(live: LiveFit, monkeypatch
     assert address.startswith("http://127.0.0.1:")
 
 
-def test_the_innermost_of_several_garments_takes_the_size() -> None:
-    pytest.importorskip("viser")
-    from warp_cloth.view.page import Page
-
+def test_the_innermost_of_several_garments_takes_the_size(page_of: Callable[[LiveFit], Any]) -> None:
     shirts = [{"shape": {"kind": "tshirt", "size": size, "edge_mm": 60}, "rest": "uv"} for size in "SL"]
     live = LiveFit({"garment": shirts, "avatar": {"shape": {"kind": "mannequin"}}}, {}, "cpu")
-    page = Page(live, port=0)
-    try:
-        page._request_size("M")
-        page._step()
-        assert [garment.shape.size for garment in live.scene.garments] == ["M", "L"]
-    finally:
-        page.stop()
-        page.run()
+    page = page_of(live)
+    page._request_size("M")
+    page._step()
+    assert [garment.shape.size for garment in live.scene.garments] == ["M", "L"]
 
 
 def test_the_page_is_served_on_this_machine_only_and_shows_pictures(page: object) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,17 +12,6 @@ from warp_cloth.shapes.simple import sphere
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Drawn = tuple[Floats, Ints, "Floats | None"]  # points [m], triangles, texture coordinates of each vertex [m]
-
-
-def write_garment(path: Path, drawn: Drawn) -> None:
-    """Writes an OBJ."""
-    points, triangles, flat = drawn
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
-    if flat is not None:
-        lines += [f"vt {u!r} {v!r}" for u, v in flat.tolist()]
-    form = "f {0} {1} {2}" if flat is None else "f {0}/{0} {1}/{1} {2}/{2}"
-    lines += [form.format(*(corner + 1 for corner in triangle)) for triangle in triangles.tolist()]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def sheet(x: ArrayLike, y: ArrayLike) -> Drawn:

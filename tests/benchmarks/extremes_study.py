@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +14,10 @@ from typing import Any
 
 import extreme_meshes as meshes
 import numpy as np
-from extreme_meshes import Drawn, write_garment
+from extreme_meshes import Drawn
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from meshfiles import write_obj
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import core_count
@@ -106,7 +110,7 @@ def run_case(case: Case, method: str, precision: str, device: str, limit: int) -
     began = time.perf_counter()
     with TemporaryDirectory() as folder:
         if case.drawn is not None:
-            write_garment(Path(folder) / "garment.obj", case.drawn)
+            write_obj(Path(folder) / "garment.obj", *case.drawn)
             tree["garment"] = {**tree["garment"], "mesh": str(Path(folder) / "garment.obj"), "units": "m"}
         try:
             fitted = fit(tree, device=device)

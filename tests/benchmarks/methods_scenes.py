@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from extreme_meshes import Drawn, sheet, write_garment
+from extreme_meshes import Drawn, sheet
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from meshfiles import write_obj
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.bench.trials import DISC_RADIUS, SUPPORT_RADIUS
@@ -105,7 +109,7 @@ def case_tree(case: Case, folder: Path, more: Mapping[str, float] | None = None)
     if case.kind == "ball":
         shape = {"kind": "sphere", "radius": 0.3, "centre": [0.0, 0.6, 0.0]}
         tree["avatar"] = {"shape": shape, "friction": case.friction}
-    write_garment(path, drawn)
+    write_obj(path, *drawn)
     return tree
 
 

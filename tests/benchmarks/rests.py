@@ -22,7 +22,8 @@ import warp as wp
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from folds import BALL, HANGING, Folded, folded_sheet, pleated_skirt, turned_sleeve, write_folded
+from folds import BALL, HANGING, Folded, folded_sheet, pleated_skirt, turned_sleeve
+from meshfiles import write_obj
 from touching import FORCE_ROUNDING, RELATIVE_ROUNDING, brute_forces, touching_pairs
 from wearing import BODIES, SHARED_SHIRT, Tree, keep, side_by_side
 
@@ -54,7 +55,7 @@ def scene_of(name: str, folder: Path) -> Tree:
     if name in WORN:
         return {"garment": WORN[name], "avatar": BODIES["mean_all"]}
     build, of_garment, of_scene = FOLDED[name]
-    write_folded(folder / "cloth.obj", build())
+    write_obj(folder / "cloth.obj", *build())
     garment = {"mesh": str(folder / "cloth.obj"), "rest": "uv", "units": "m", "fabric": "jersey", **of_garment}
     return {"garment": garment, **of_scene}
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
+from devices import DEVICES
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.fitting.problem import load_problem
@@ -40,13 +41,6 @@ FABRICS = {
     "edges, bending": Fabric(),
     "yarns, bending": replace(Fabric(), shear=800.0),
 }
-DEVICES = [
-    "cpu",
-    pytest.param(
-        "cuda:0",
-        marks=[pytest.mark.cuda, pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device")],
-    ),
-]
 
 
 @functools.cache
