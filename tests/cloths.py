@@ -36,6 +36,16 @@ def grid(count: int = 5, side: float = 0.2) -> Mesh:
     return Mesh("grid", points, np.array(triangles, dtype=np.int32))
 
 
+def tube(radius: float, low: float, high: float, around: int = 96, rows: int = 9) -> Mesh:
+    """An upright tube, ring by ring from below, facing outwards."""
+    turn, height = np.meshgrid(2.0 * np.pi * np.arange(around) / around, np.linspace(low, high, rows))
+    points = np.stack([radius * np.cos(turn), height, radius * np.sin(turn)], axis=2).reshape(-1, 3)
+    a = np.arange(around * (rows - 1))
+    b = a // around * around + (a + 1) % around
+    triangles = np.concatenate([np.stack([a, a + around, b + around], 1), np.stack([a, b + around, b], 1)])
+    return Mesh("tube", points, triangles.astype(np.int32))
+
+
 def model_of(
     mesh: Mesh,
     rest: RestShape,

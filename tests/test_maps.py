@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from cloths import NO_PINS, grid, model_of
+from cloths import NO_PINS, grid, model_of, tube
 from worn import box_avatar
 
 from warp_cloth.anatomy.levels import body_levels
@@ -224,18 +224,6 @@ def test_a_bust_is_not_taken_for_arms(shared_data: Path) -> None:
 def test_what_is_no_body_has_no_levels() -> None:
     assert body_levels(sphere(radius=0.5)) is None
     assert body_levels(box_avatar()) is None
-
-
-def tube(radius: float, low: float, high: float, around: int = 96, rows: int = 9) -> Mesh:
-    """An upright tube; its panels are its own strip."""
-    turn = np.arange(around) / around * 2 * np.pi
-    ring = np.stack([radius * np.cos(turn), np.zeros(around), radius * np.sin(turn)], axis=1)
-    heights = np.linspace(low, high, rows)
-    points = np.concatenate([ring + np.array((0.0, height, 0.0)) for height in heights])
-    a = np.arange(around * (rows - 1))
-    b = a // around * around + (a + 1) % around
-    triangles = np.concatenate([np.stack([a, b, b + around], 1), np.stack([a, b + around, a + around], 1)])
-    return Mesh("tube", points, triangles.astype(np.int32))
 
 
 def test_girths_of_a_scan_with_holes_and_hair_are_those_of_the_body(body: Mesh) -> None:

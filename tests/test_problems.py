@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from cloths import grid
+from cloths import grid, tube
 from judging import judge, loaded
 from meshfiles import sheet, write_obj
 
@@ -207,32 +207,27 @@ def test_an_edge_twice_as_long_as_it_is_cut_is_an_open_seam(open_by: float, told
         assert len(problem.vertices) == 18
 
 
-def tube(tmp_path: Path) -> tuple[dict[str, Any], np.ndarray]:
+def on_post(tmp_path: Path) -> dict[str, Any]:
     """A tube 0.1 m in radius and 0.3 m long, upright, around a post 1.6 m high."""
-    around, along = 36, 13
-    turn, height = np.meshgrid(2.0 * np.pi * np.arange(around) / around, np.linspace(0.7, 1.0, along))
-    points = np.stack([0.1 * np.cos(turn), height, 0.1 * np.sin(turn)], axis=2).reshape(-1, 3)
-    here = (np.arange(along - 1)[:, None] * around + np.arange(around)).ravel()
-    beside = here - here % around + (here + 1) % around
-    faces = np.concatenate(
-        [np.stack(each, axis=1) for each in ((here, here + around, beside), (beside, here + around, beside + around))]
-    )
-    write_obj(tmp_path / "tube.obj", points, faces)
+    sleeve = tube(0.1, 0.7, 1.0, around=36, rows=13)
+    write_obj(tmp_path / "tube.obj", sleeve.points, sleeve.triangles)
     post = trimesh.creation.cylinder(0.08, 1.6, sections=48)
     post.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (1.0, 0.0, 0.0)))
     write_obj(tmp_path / "post.obj", post.vertices + np.array([0.0, 0.8, 0.0]), post.faces)
-    files = {"garment": {"mesh": str(tmp_path / "tube.obj"), "units": "m"}}
-    return {**files, "avatar": {"mesh": str(tmp_path / "post.obj"), "units": "m"}}, points
+    return {
+        "garment": {"mesh": str(tmp_path / "tube.obj"), "units": "m"},
+        "avatar": {"mesh": str(tmp_path / "post.obj"), "units": "m"},
+    }
 
 
 def test_a_tube_around_a_post_has_no_problem(tmp_path: Path) -> None:
-    assert judge(*loaded(tube(tmp_path)[0])) == {}
+    assert judge(*loaded(on_post(tmp_path))) == {}
 
 
 @pytest.mark.parametrize(("shift", "told"), [(0.14, True), (0.01, False)])
 def test_a_tube_beside_its_post_has_empty_openings(tmp_path: Path, shift: float, told: bool) -> None:
     """It still reaches over the post's box, so that it has not fallen off."""
-    scene, outfit = loaded(tube(tmp_path)[0])
+    scene, outfit = loaded(on_post(tmp_path))
     worn = outfit.garments[0].points + np.array([shift, 0.0, shift])
     problem = judge(scene, outfit, worn).get("empty_opening")
     assert (problem is not None) == told
@@ -245,7 +240,7 @@ def test_a_tube_beside_its_post_has_empty_openings(tmp_path: Path, shift: float,
 @pytest.mark.parametrize(("up", "told"), [(0.87, False), (1.15, True)])
 def test_an_opening_just_beyond_the_end_of_a_limb_is_filled(tmp_path: Path, up: float, told: bool) -> None:
     """The post's end, at 1.6 m, lies in the tube within a radius of its upper opening, or below the tube."""
-    scene, outfit = loaded(tube(tmp_path)[0])
+    scene, outfit = loaded(on_post(tmp_path))
     scaled = outfit.garments[0].points * [1.0, 0.2, 1.0] + np.array([0.0, up + 0.56, 0.0])  # 6 cm high
     assert ("empty_opening" in judge(scene, outfit, scaled)) == told
 
@@ -253,7 +248,7 @@ def test_an_opening_just_beyond_the_end_of_a_limb_is_filled(tmp_path: Path, up: 
 @pytest.mark.parametrize(("down", "told"), [(0.16, True), (0.13, False)])
 def test_a_top_opening_that_came_down_far_has_slid_off(tmp_path: Path, down: float, told: bool) -> None:
     """The limit is 9 % of 1.6 m."""
-    scene, outfit = loaded(tube(tmp_path)[0])
+    scene, outfit = loaded(on_post(tmp_path))
     problem = judge(scene, outfit, outfit.garments[0].points - np.array([0.0, down, 0.0])).get("slid_off")
     assert (problem is not None) == told
     if problem is not None:
@@ -263,7 +258,7 @@ def test_a_top_opening_that_came_down_far_has_slid_off(tmp_path: Path, down: flo
 
 @pytest.mark.parametrize(("wider", "told"), [(1.35, True), (1.25, False)])
 def test_a_tube_stretched_all_around_is_too_small(tmp_path: Path, wider: float, told: bool) -> None:
-    scene, outfit = loaded(tube(tmp_path)[0])
+    scene, outfit = loaded(on_post(tmp_path))
     problem = judge(scene, outfit, outfit.garments[0].points * [wider, 1.0, wider]).get("too_small")
     assert (problem is not None) == told
     if problem is not None:
@@ -361,13 +356,8 @@ def test_panels_that_are_not_taken_though_something_speaks_for_them_are_noted(
 
 
 def test_an_opening_that_is_stretched_all_around_is_too_small_and_no_open_seam(tmp_path: Path) -> None:
-    count, rows = 48, 16
-    angle, height = np.meshgrid(2.0 * np.pi * np.arange(count) / count, np.linspace(0.6, 1.0, rows))
-    points = np.stack([0.25 * np.cos(angle), height, 0.25 * np.sin(angle)], axis=-1).reshape(-1, 3)
-    corner = np.arange(rows * count).reshape(rows, count)
-    right = np.roll(corner, -1, axis=1)
-    quads = np.stack([corner[:-1], corner[1:], right[1:], right[:-1]], axis=-1).reshape(-1, 4)
-    write_obj(tmp_path / "tube.obj", points, np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]]))
+    skirt = tube(0.25, 0.6, 1.0, around=48, rows=16)
+    write_obj(tmp_path / "tube.obj", skirt.points, skirt.triangles)
     values = {
         "garment": {"mesh": str(tmp_path / "tube.obj"), "units": "m"},
         "avatar": {"shape": {"kind": "mannequin"}},

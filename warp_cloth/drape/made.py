@@ -34,7 +34,6 @@ class MadeFabric:
     fabric: Fabric
     estimate: BendingEstimate
     coefficient: float  # measured, mean [%]
-    coefficient_error: float  # one standard deviation of one drape [points]
     again: float  # standard deviation of a real fabric's coefficient when it is draped again [points]
     again_error: float  # what that makes of the mean bending rigidity, relative; one standard deviation
     simulated: Mapping[int, SimulatedDrape]  # of the fabric, by the photographs' numbers
@@ -127,10 +126,10 @@ def _made(
     if simulation is not None:
         found, simulated = refined(found, measured, drapes, base, setting, **vars(simulation))
     fabric, coefficient = fabric_of(base, found, setting), float(measured.coefficients.mean())
-    error, again = float(np.sqrt(np.mean(measured.errors**2))), spread_again(coefficient)
+    again = spread_again(coefficient)
     again_error = 3.0 * again / len(measured.coefficients) ** 0.5 / drapes.slope(found.length)
     notes = _doubts(drapes, measured.coefficients, simulated, outlines)
-    return MadeFabric(fabric, found, coefficient, error, again, again_error, simulated, notes)
+    return MadeFabric(fabric, found, coefficient, again, again_error, simulated, notes)
 
 
 def rigidities(fabric: Fabric, found: BendingEstimate, support: float) -> tuple[float, float]:
