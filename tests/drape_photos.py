@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFilter
 class View:
     """How a drape is photographed."""
 
-    side: int = 800  # [pixels]
+    side: int = 500  # [pixels]
     fills: float = 0.75  # of the picture's side, by the flat disc
     tilt: float = 0.0  # [degrees]
     toward: float = 0.0  # direction of the tilt [degrees]
