@@ -11,6 +11,7 @@ import typer
 from typer.testing import CliRunner
 
 from warp_cloth.cli.main import app
+from warp_cloth.report.rows import INDENT, folded, row
 
 WIDTHS = (60, 80, 120)
 COMMANDS = sorted(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
@@ -37,6 +38,7 @@ def test_help_is_shown_in_full_and_fits(command: str, width: int) -> None:
     """Among others a unit in square brackets would be swallowed, as markup of the terminal."""
     text = shown(command, "--help", width=width)
     assert max(map(len, text.splitlines())) <= width
+    assert "…" not in text
     joined = "".join(FRAME.sub("", text).split())
     lost = [word for word in told(command) if len(word) <= SHORT and word not in joined]
     assert not lost
@@ -61,3 +63,17 @@ def test_an_error_is_one_line_that_the_terminal_wraps(width: int, tmp_path: Path
 def test_examples_in_help_stand_on_lines_of_their_own() -> None:
     lines = [line.strip() for line in shown("fit", "--help", width=80).splitlines()]
     assert "warp-cloth fit shirt.obj --on body.obj --fabric jersey" in lines
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_lines_on_a_terminal_go_on_below_their_text(width: int) -> None:
+    text = "shirt: units not stated: centimetres assumed, as the largest extent is 74.02 (if it is in inches, say so)"
+    first, *others = folded(row("note", text), width)
+    assert all(len(line) <= width for line in (first, *others))
+    assert all(line[:INDENT].isspace() for line in others)
+    assert " ".join([first[INDENT:], *map(str.strip, others)]) == text
+
+
+def test_names_of_files_can_be_copied_from_a_terminal() -> None:
+    line = row("wrote", "a folder/" + 80 * "x" + ".usdc")
+    assert folded(line, 60) == [line]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import multiprocessing
 import os
 import subprocess
 import sys
@@ -81,7 +80,8 @@ def test_no_changed_byte_goes_unseen(tmp_path: Path) -> None:
         assert found is None or same(found, entry(1, count=10)), place  # some bytes only fill up
 
 
-def _write_often(folder: Path, number: int) -> None:
+def write_often(folder: Path, number: int) -> None:
+    """What one of several processes does."""
     cache = DiskCache(folder, limit=1 << 21)
     for turn in range(40):
         cache.write(f"{KEY}{turn % 4}", entry(number))
@@ -89,14 +89,19 @@ def _write_often(folder: Path, number: int) -> None:
         assert found is None or same(found, entry(found.values["number"]))
 
 
+WRITER = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from test_disk_cache import write_often
+write_often(Path(sys.argv[1]), int(sys.argv[3]))
+"""
+
+
 def test_writers_at_one_time_leave_whole_entries(tmp_path: Path) -> None:
-    context = multiprocessing.get_context("spawn")
-    writers = [context.Process(target=_write_often, args=(tmp_path, number)) for number in range(3)]
-    for writer in writers:
-        writer.start()
-    for writer in writers:
-        writer.join()
-        assert writer.exitcode == 0
+    words = [sys.executable, "-c", WRITER, str(tmp_path), str(Path(__file__).parent)]
+    writers = [subprocess.Popen([*words, str(number)]) for number in range(3)]
+    assert [writer.wait() for writer in writers] == [0, 0, 0]
     assert not list(tmp_path.glob(f"*{HALF}"))
     for turn in range(4):
         found = DiskCache(tmp_path).read(f"{KEY}{turn}")

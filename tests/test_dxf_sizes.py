@@ -48,7 +48,7 @@ def test_a_size_that_the_file_has_not_is_told(folder: Path) -> None:
 def test_a_mesh_still_has_no_sizes(folder: Path) -> None:
     changes = ["garment.edge_mm=40", "solver.iterations=1"]
     single = write(folder / "one.dxf", {"": tshirt()}, Style())
-    with pytest.raises(InputError, match="nothing in the scene depends on the size"):
+    with pytest.raises(InputError, match="the garment comes in one size"):
         fit_sizes(folder / "scene.toml", overrides=[*changes, f"garment.pattern={single}"], device="cpu")
 
 

@@ -86,7 +86,8 @@ class Environment:
     def __init__(self, folder: Path) -> None:
         venv.create(folder, with_pip=False)
         self.bin = folder / "bin"
-        self.packages = Path(sysconfig.get_path("purelib", "venv", {"base": str(folder), "platbase": str(folder)}))
+        scheme = "venv" if "venv" in sysconfig.get_scheme_names() else "posix_prefix"  # before Python 3.11
+        self.packages = Path(sysconfig.get_path("purelib", scheme, {"base": str(folder), "platbase": str(folder)}))
         # path entries of a .pth file are not searched for .pth files, as of an editable install of warp_cloth here
         (self.packages / "shared.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
 

@@ -131,7 +131,7 @@ def test_meshes_of_several_sizes_need_no_scene(tmp_path: Path, monkeypatch: pyte
 @pytest.mark.parametrize(
     ("scene", "sizes", "overrides", "told"),
     [
-        ("sphere", ["S"], [], "nothing in the scene depends on the size"),
+        ("sphere", ["S"], [], "the garment comes in one size"),
         ("hanging", ["S"], [], "has no avatar"),
         ("tshirt", [], ["garment.mesh=shirt_{size}.obj"], "no sizes are named"),
         ("tshirt", ["S", "XXL"], [], "size"),

@@ -147,3 +147,12 @@ def test_a_body_as_the_garment_is_told(folder: Path, exchanged: bool) -> None:
     avatar = "cloth.obj" if exchanged else "mannequin"
     with pytest.raises(InputError, match='exchange it and "cloth"' if exchanged else "give the mesh of the garment"):
         load_outfit(load_scene("body.obj", on=avatar))
+
+
+def test_a_scan_with_holes_as_the_garment_is_told(folder: Path) -> None:
+    body = mannequin(MannequinMeasures())
+    middles = body.points[body.triangles].mean(axis=1)
+    holes = [np.linalg.norm(middles - point, axis=1) < 0.03 for point in body.points[:: len(body.points) // 8]]
+    write_obj(folder / "scan.obj", body.points, body.triangles[~np.any(holes, axis=0)])
+    with pytest.raises(InputError, match=r'"scan" is a body: .*; exchange it and "cloth", which is open'):
+        load_outfit(load_scene("scan.obj", on="cloth.obj"))

@@ -20,7 +20,7 @@ from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import Status
 from warp_cloth.pattern import read_drafted
 from warp_cloth.report.shown import ShownVerdict, ease_lines, shown_verdict
-from warp_cloth.scene import Scene, TshirtShape, load_scene
+from warp_cloth.scene import GarmentSpec, Scene, TshirtShape, load_scene
 from warp_cloth.scene.paths import file_stem
 from warp_cloth.scene.shapes import SIZES
 
@@ -260,12 +260,20 @@ def _sized_scenes(scene: Any, sizes: Sequence[str], changes: Sequence[str], on: 
     if graded := _graded(base):
         return {size: load(size, [*changes, f"{first}.size={toml_text(size)}"]) for size in sizes or graded}
     if not isinstance(base.garments[0].shape, TshirtShape):
-        raise InputError("sizes", "nothing in the scene depends on the size", f"override garment.mesh=shirt_{SIZE}.obj")
+        raise _one_size(first, base.garments[0])
     names = [size.upper() for size in sizes] or SIZES
     unknown = next((size for size in names if size not in SIZES), None)
     if unknown is not None:
         raise InputError("sizes", f'"{unknown}" is no size of the T-shirt', f"use {', '.join(SIZES)}")
     return {size: load(size, [*changes, f"{first}.shape.size={size}"]) for size in names}
+
+
+def _one_size(key: str, garment: GarmentSpec) -> InputError:
+    """The error for a garment that no size changes, with the names that files of several would have."""
+    stem, suffix = (garment.file.stem, garment.file.suffix) if garment.file is not None else ("garment", ".obj")
+    source = "mesh" if garment.pattern is None else "pattern"
+    remedy = f"name a file for each size: override {key}.{source}={stem}_{SIZE}{suffix} --size S,M,L"
+    return InputError("sizes", "the garment comes in one size", remedy)
 
 
 def _check_named(sizes: Sequence[str], depends: bool) -> None:

@@ -14,8 +14,8 @@ import typer
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device
-from warp_cloth.cli.terminal import NOT_WORN, can_plot, one_line_errors, output_folder
-from warp_cloth.report.rows import note_rows, wrote_rows
+from warp_cloth.cli.terminal import NOT_WORN, can_plot, one_line_errors, output_folder, say
+from warp_cloth.report.rows import LABEL, note_rows, wrote_rows
 
 
 def scenes(
@@ -40,14 +40,15 @@ def scenes(
 
         typer.echo("Scenes:")
         for name, path in shipped_scenes().items():
-            typer.echo(f"  {name:<10} {describe_scene(path)}")
+            say([f"  {name:<{LABEL}} {describe_scene(path)}"])
         typer.echo("Fabrics (stretch and bending: along warp and weft):")
         for name, fabric in shipped_fabrics().items():
-            typer.echo(
-                f"  {name:<10} {fabric.weight * 1e3:4.0f} g/m2  stretch {fabric.stretch_warp / 1e3:5.1f} and "
+            line = (
+                f"  {name:<{LABEL}} {fabric.weight * 1e3:4.0f} g/m2  stretch {fabric.stretch_warp / 1e3:5.1f} and "
                 f"{fabric.stretch_weft / 1e3:5.1f} kN/m  bending {fabric.bending_warp:.1e} and "
                 f"{fabric.bending_weft:.1e} N m2  thickness {fabric.thickness * 1e3:.2f} mm"
             )
+            say([line])
 
 
 def _list_keys(wanted: str) -> None:
@@ -57,7 +58,7 @@ def _list_keys(wanted: str) -> None:
     lines = key_lines("" if wanted == "all" else wanted)
     if not lines:
         raise InputError("keys", f'no key contains "{wanted}"', "see all of them: --keys all")
-    typer.echo("\n".join(lines))
+    say(lines)
 
 
 def pattern(
@@ -104,8 +105,7 @@ def pattern(
             drawn = (draw if is_drafted(file) else _draw_panels)(file, name, out, 1e-3 * edge)
     vertices = f", {counted(drawn.vertices, 'vertex')} at {edge:g} mm" if drawn.vertices else ""
     typer.echo(f"{name}: {counted(drawn.panels, 'panel')}, {counted(drawn.seams, 'seam')}{vertices}")
-    for line in [*note_rows(drawn.notes), *wrote_rows(drawn.paths)]:
-        typer.echo(line)
+    say([*note_rows(drawn.notes), *wrote_rows(drawn.paths)])
 
 
 class _DrawnPattern(NamedTuple):
@@ -190,8 +190,7 @@ def avatar(
             lines, paths = _compare_colliders(body, device, out, changes or [], plots)
         else:
             lines, paths, measured = _understand(body, measures, device, out, changes or [])
-    for line in [*lines, *wrote_rows(paths)]:
-        typer.echo(line)
+    say([*lines, *wrote_rows(paths)])
     if measures and not measured:
         raise typer.Exit(NOT_WORN)
 

@@ -12,7 +12,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.drape_options import DrapeTest
 from warp_cloth.cli.options import with_options_of
-from warp_cloth.cli.terminal import can_plot, one_line_errors, output_folder
+from warp_cloth.cli.terminal import can_plot, one_line_errors, output_folder, say
 from warp_cloth.report.rows import wrote_rows
 
 Lines = tuple[list[str], list[Path]]  # to print, and the files written
@@ -72,8 +72,7 @@ def fabric(
             raise InputError("fabric", problem, "or compare and two of them; or --from-drape, or --drape-coefficient")
         else:
             lines, paths = _tested(names[0], device, out or Path("out"), plots, rings, discs)
-    for line in [*lines, *wrote_rows(paths)]:
-        typer.echo(line)
+    say([*lines, *wrote_rows(paths)])
 
 
 def _tested(fabric: str, device: str, out: Path, plots: bool, rings: int | None, discs: int | None) -> Lines:

@@ -32,7 +32,7 @@ from warp_cloth.cli.options import (
     Maps,
     On,
 )
-from warp_cloth.cli.terminal import NOT_WORN, made, one_line_errors, output_folder
+from warp_cloth.cli.terminal import NOT_WORN, made, one_line_errors, output_folder, say
 
 if TYPE_CHECKING:
     from warp_cloth.base.clock import StageClock
@@ -103,8 +103,7 @@ def fit(
             worn = _fitted(chosen, wanted, clock, display)
             display.begin("export")
             paths = worn.save(out, colour=colour_map, formats=suffixes)
-    for line in summary(chosen.name, worn.report, paths):
-        typer.echo(line)
+    say(summary(chosen.name, worn.report, paths))
     if not worn.worn:
         raise typer.Exit(NOT_WORN)
 

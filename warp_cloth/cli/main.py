@@ -11,6 +11,7 @@ import typer
 from warp_cloth.cli.explore import avatar, pattern, scenes
 from warp_cloth.cli.fabric import fabric
 from warp_cloth.cli.fit import fit
+from warp_cloth.cli.help import HelpfulCommand
 from warp_cloth.cli.init import init
 from warp_cloth.cli.many import batch, sizes
 from warp_cloth.cli.resident import resident_of
@@ -35,7 +36,7 @@ for panel, commands in (
     ("Set up", (warm_up, resident_of(lambda: main()))),
 ):
     for command in commands:
-        app.command(rich_help_panel=panel)(command)
+        app.command(rich_help_panel=panel, cls=HelpfulCommand)(command)
 
 
 def main() -> None:

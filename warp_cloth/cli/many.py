@@ -10,7 +10,7 @@ import typer
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Device, FabricName, Maps, On
-from warp_cloth.cli.terminal import BAD_INPUT, NOT_WORN, made, one_line_errors, output_folder
+from warp_cloth.cli.terminal import BAD_INPUT, NOT_WORN, made, one_line_errors, output_folder, say
 from warp_cloth.report.rows import wrote_rows
 
 LARGEST_EASE = 200.0  # [cm]; a tent has less
@@ -78,8 +78,7 @@ def batch(
                 ease=ease,
                 progress=display,
             )
-    for line in batch_summary(report):
-        typer.echo(line)
+    say(batch_summary(report))
     if not report.complete:
         raise typer.Exit(1)
     if set(report.statuses) == {"invalid"}:
@@ -140,9 +139,7 @@ def sizes(
         )
         paths = run.save(out, made=made())
     for each in run.sizes:
-        typer.echo(f"{each.size:<4} {each.verdict.words:<16} {each.figures}")
-    typer.echo(run.advice)
-    for line in wrote_rows(paths):
-        typer.echo(line)
+        say([f"{each.size:<4} {each.verdict.words:<16} {each.figures}"])
+    say([run.advice, *wrote_rows(paths)])
     if all(each.status == "invalid" for each in run.sizes):
         raise typer.Exit(BAD_INPUT)

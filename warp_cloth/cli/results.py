@@ -12,7 +12,7 @@ import typer
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device, FabricName, On
-from warp_cloth.cli.terminal import one_line_errors, output_folder
+from warp_cloth.cli.terminal import one_line_errors, output_folder, say
 from warp_cloth.report.rows import note_rows, wrote_rows
 
 
@@ -39,8 +39,7 @@ def compare(
 
             found = compare_fits(*fits)
             paths = save_comparison(found, fits, out)
-    for line in [*comparison_lines(found, fits), *note_rows(found.notes), *wrote_rows(paths)]:
-        typer.echo(line)
+    say([*comparison_lines(found, fits), *note_rows(found.notes), *wrote_rows(paths)])
 
 
 def view(

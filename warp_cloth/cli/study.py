@@ -10,7 +10,7 @@ import typer
 
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device, FabricName, On, SceneName
-from warp_cloth.cli.terminal import INTERRUPTED, can_plot, one_line_errors, output_folder
+from warp_cloth.cli.terminal import INTERRUPTED, can_plot, one_line_errors, output_folder, say
 from warp_cloth.report.rows import wrote_rows
 
 
@@ -51,7 +51,7 @@ def plan(
         if out is not None:
             write_plan(out, terms, cost, saved)
             lines += wrote_rows([out])
-    typer.echo("\n".join(lines))
+    say(lines)
 
 
 def tradeoff(
@@ -99,4 +99,4 @@ def tradeoff(
                 print(f"interrupted{remedy}", file=sys.stderr)
                 raise typer.Exit(INTERRUPTED) from None
             paths = save_trade(trade, out, plots=plots)
-    typer.echo("\n".join([*trade_lines(trade), *wrote_rows(paths)]))
+    say([*trade_lines(trade), *wrote_rows(paths)])

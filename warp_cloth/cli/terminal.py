@@ -6,9 +6,10 @@ import _thread
 import os
 import re
 import shlex
+import shutil
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -16,10 +17,12 @@ from pathlib import Path
 import typer
 
 from warp_cloth.base.errors import OVERRIDE, InputError
+from warp_cloth.report.rows import folded
 
 BAD_INPUT = 2  # exit status
 NOT_WORN = 3  # exit status where something was written that is not worn
 OPTIONS = ("device", "keep", "out", "ray", "shard", "sheet", "workers")  # have the names of arguments
+NARROWEST = 40  # columns into which lines are folded
 RESEND_DELAY = 0.01  # [s] after an interrupt that would be lost: by then the object is freed
 INTERRUPTED = 130  # exit status of a shell's Ctrl-C
 
@@ -46,6 +49,13 @@ def can_plot(wanted: bool) -> bool:
     except InputError as error:
         print(f"no plots: {error}", file=sys.stderr)
         return False
+
+
+def say(lines: Iterable[str]) -> None:
+    """Prints lines: on a terminal no word is cut at its edge; files and other programs get each line as it is."""
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
+    for line in lines:
+        typer.echo("\n".join(folded(line, width)) if width >= NARROWEST else line)
 
 
 def print_error(sentence: str) -> None:

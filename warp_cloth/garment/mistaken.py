@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from warp_cloth.anatomy.skeleton import skeleton_of
+from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
@@ -14,26 +14,35 @@ from warp_cloth.loading.repair import CLOSED
 
 # Volume over area, relative to the extent: 0.02 in people; of cloth modelled with its thickness far less than 0.005.
 SOLID = 0.005
-# Length of all rims over the root of the area: 2.2 in a T-shirt, 0.4 in a body whose feet were not scanned.
+# Length of all rims over the root of the area: 2.2 in a T-shirt, 0.4 in a body whose feet were not scanned, 1.7 in a
+# scan with eight holes of 6 cm.
 OPEN = 1.0
 
 
-def refuse_bodies(garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None) -> None:
-    """Refuses a person's closed body as a garment.
+def refuse_bodies(
+    garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None, find_skeleton: Callable[[], Skeleton | None]
+) -> None:
+    """Refuses a person's body as a garment: a closed one, and a scan with holes whose wearer looks like a garment.
 
     Args:
         garments: scene key ("garment", "garment[1]") and mesh of each.
         avatar: what wears them.
+        find_skeleton: finds the avatar's.
 
     Raises:
         InputError: a garment is a body; where the avatar looks like a garment, with the advice to exchange them.
     """
     for key, garment in garments:
-        if CLOSED in garment.notes and _is_solid(garment) and skeleton_of(garment) is not None:
-            problem = "is a body: a closed surface with a head, arms and legs"
-            if avatar is not None and _rims(avatar) > OPEN:
-                raise InputError(key, f'"{garment.name}" {problem}', f'exchange it and "{avatar.name}", which is open')
-            raise InputError(key, f'"{garment.name}" {problem}', "give the mesh of the garment")
+        is_closed = CLOSED in garment.notes
+        # a person may wear an overall with a hood, which has limbs, too
+        may_be_body = is_closed or (avatar is not None and find_skeleton() is None and _rims(avatar) > OPEN)
+        if not (may_be_body and _is_solid(garment) and skeleton_of(garment) is not None):
+            continue
+        problem = f"is a body: a {'closed ' if is_closed else ''}surface with a head, arms and legs"
+        remedy = "give the mesh of the garment"
+        if avatar is not None and _rims(avatar) > OPEN:
+            remedy = f'exchange it and "{avatar.name}", which is open'
+        raise InputError(key, f'"{garment.name}" {problem}', remedy)
 
 
 def _is_solid(mesh: Mesh) -> bool:

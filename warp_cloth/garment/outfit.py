@@ -137,7 +137,7 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     standing = _read_as(*stand_up(scene, keyed, avatar, find_skeleton), cache)
     if standing is not None:
         return standing
-    refuse_bodies(keyed, avatar)
+    refuse_bodies(keyed, avatar, find_skeleton)
     garments, predrape_scene = _garments(scene, worn, keys, cache), predrape_scene_of(scene)
     poses: tuple[Points, ...] = ()
     if avatar is not None and scene.avatar is not None and scene.avatar.poses:

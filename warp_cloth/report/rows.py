@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable
 from pathlib import Path
+
+LABEL = 12  # letters
+INDENT = LABEL + 3  # of texts [columns]
+WROTE = "wrote"
 
 
 def row(label: str, text: object) -> str:
     """One such line; the texts of all of them line up."""
-    return f"  {label:<12} {text}"
+    return f"  {label:<{LABEL}} {text}"
 
 
 def wrote_rows(paths: Iterable[Path]) -> list[str]:
     """Which files were written."""
-    return [row("wrote", path) for path in paths]
+    return [row(WROTE, path) for path in paths]
 
 
 def note_rows(notes: Iterable[str]) -> list[str]:
     """What is to be known of a result."""
     return [row("note", note) for note in notes]
+
+
+def folded(line: str, width: int) -> list[str]:
+    """The line on a terminal so wide: no word is broken, and what goes on does so below its text; files as they are."""
+    if len(line) <= width or line.startswith(row(WROTE, "")):
+        return [line]
+    indent = len(line) - len(line.lstrip()) + 2
+    if line.startswith("  ") and line[:INDENT][-1:] == " " and line[2:3].strip() and line[INDENT : INDENT + 1].strip():
+        indent = INDENT
+    return textwrap.wrap(
+        line, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False, expand_tabs=False
+    )
