@@ -240,6 +240,8 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="folder for what is written, to look at it")
     parser.add_argument("--write", action="store_true", help=f"put the table into {TABLE.name}")
     options = parser.parse_args()
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell starts what runs in the background
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     wanted = {int(number) for number in options.only.split(",") if number} or set(HEADINGS)
     rows, failed, load = [], [], os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as scratch:
