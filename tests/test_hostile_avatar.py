@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -244,5 +245,6 @@ def test_cloth_lies_on_a_hostile_avatar_as_on_a_sound_one(tmp_path: Path) -> Non
     worn = warp_cloth.fit(scene, device="cpu")
     assert worn.status is Status.AT_REST
     assert worn.report["contact"]["holes_closed"] > 10
+    assert any(re.fullmatch(r"avatar: \d+ holes closed, [\d.]+ cm2 in all", note) for note in notes_of(worn.report))
     sound = as_mesh(ball().apply_translation((0.0, 1.0, 0.0)))
     assert penetration(worn.garments[0].points, sound, "cpu").max < WORN

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from warp_cloth.loading.raw import counted
+from warp_cloth.report.numbers import short_number
 
 LARGE_LID = 0.1  # [m2] of lids over an avatar's holes; those of a bust's neck, arms and waist have less
 
@@ -17,12 +18,14 @@ def notes_of(report: Mapping[str, Any]) -> list[str]:
     notes += [f"avatar: {note}" for note in (report.get("avatar") or {}).get("notes", ())]
     contact = report.get("contact") or {}
     sheets, lids = contact.get("sheets_left_out"), contact.get("lids_m2") or 0.0
-    if lids > LARGE_LID:
-        holes = counted(contact["holes_closed"], "hole")
-        notes.append(
-            f"avatar: {holes} closed, {lids:.2g} m2 in all: is part of the body missing, such as the half that a "
-            "mirror modifier would add? A scan's holes are better filled in the scanning software"
+    if holes := contact.get("holes_closed"):
+        is_large = lids > LARGE_LID
+        area = f"{lids:.2g} m2" if is_large else f"{short_number(1e4 * lids)} cm2"
+        question = (
+            ": is part of the body missing, such as the half that a mirror modifier would add? A scan's holes are "
+            "better filled in the scanning software"
         )
+        notes.append(f"avatar: {counted(holes, 'hole')} closed, {area} in all{question if is_large else ''}")
     if sheets:
         notes.append(f"avatar: {counted(sheets, 'loose sheet')} (hair, for example) ignored: only solid parts collide")
     return [*notes, *report.get("map_notes", ())]
