@@ -38,10 +38,10 @@ class Patches:
         edges, hinges = sheet.topology.edges, sheet.topology.hinges
         self.count = count
         self._corners = np.ascontiguousarray(hinges.T, dtype=np.intp)  # NumPy would convert other integers at each use
+        self._hinges = len(hinges)
         self._at_vertices = RowSums(self._corners.ravel(), np.tile(np.arange(len(hinges)), 4), count)
         self._around = RowSums(edges[:, ::-1].T.ravel(), edges.T.ravel(), count)
         self._weight = 0.5 / np.maximum(np.bincount(edges.ravel(), minlength=count), 1)
-        self._product = np.empty(len(hinges))  # reused: allocation costs as much as the work in it
         corners = sheet.triangles.ravel()
         areas = np.asarray(np.bincount(corners, np.repeat(sheet.areas / 3.0, 3), count), float)
         self.area = self._spread(areas[:, None])[:, 0]
@@ -63,20 +63,18 @@ class Patches:
         return values
 
     def sums(self, *products: Sequence[Floats]) -> Floats:
-        """Patch sums of each product of hinge quantities, shape [K, V]."""
-        at_vertices = np.empty((self.count, len(products)))
-        for place, factors in enumerate(products):
-            map_chunks(partial(self._put_product, factors), len(self._product))
-            at_vertices[:, place] = self._at_vertices(self._product)
-        return np.ascontiguousarray(self._spread(at_vertices).T)
+        """Patch sums of each product of hinge quantities, a quarter of it at each vertex; shape [K, V]."""
+        each = np.empty((self._hinges, len(products)))
 
-    def _put_product(self, factors: Sequence[Floats], part: slice) -> None:
-        """A quarter of the product of a chunk of hinge quantities."""
-        product = self._product[part]
-        product[...] = factors[0][part]
-        for factor in factors[1:]:
-            product *= factor[part]
-        product *= 0.25
+        def put(part: slice) -> None:
+            for place, factors in enumerate(products):
+                product = factors[0][part]
+                for factor in factors[1:]:
+                    product = product * factor[part]
+                np.multiply(product, 0.25, out=each[part, place])
+
+        map_chunks(put, self._hinges)
+        return np.ascontiguousarray(self._spread(self._at_vertices(each)).T)
 
     def means(self, own: Floats, part: slice) -> Floats:
         """Mean over the four vertices of each hinge of a chunk."""

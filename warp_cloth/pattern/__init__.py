@@ -1,7 +1,7 @@
 """Sewing patterns: flat panels and their stitches, read, meshed, placed and sewn."""
 
 from warp_cloth.pattern.assembly import is_drafted, load_pattern, read_drafted, read_pattern, sewn_mesh, sewn_pattern
-from warp_cloth.pattern.drafted import DraftOptions
+from warp_cloth.pattern.draft_options import DraftOptions
 from warp_cloth.pattern.figure import figure_of
 from warp_cloth.pattern.grade_table import grade_table_path
 

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,17 @@ from warp_cloth.loading.load import content
 from warp_cloth.pattern.crowding import crowded_edges, parted
 from warp_cloth.pattern.curve import Curve, Floats
 from warp_cloth.pattern.delaunay import Ints, OutlineError
-from warp_cloth.pattern.drafted import Draft, DraftOptions, drafted_pattern, read_draft
-from warp_cloth.pattern.figure import Figure
+from warp_cloth.pattern.draft_options import DraftOptions
 from warp_cloth.pattern.garmentcode import read_specification
 from warp_cloth.pattern.grade_table import grade_table_path, read_grade_table
 from warp_cloth.pattern.mesher import Flat, meshed
 from warp_cloth.pattern.outline import SewnOutlines, sewn_outlines
 from warp_cloth.pattern.sewing import Seam, seams_of
 from warp_cloth.pattern.specification import Pattern, short
+
+if TYPE_CHECKING:
+    from warp_cloth.pattern.drafted import Draft
+    from warp_cloth.pattern.figure import Figure
 
 DRAFTED = ".dxf"
 MOST_VERTICES = 2_000_000
@@ -57,6 +60,8 @@ def read_pattern(path: Path, options: DraftOptions | None = None, figure: Figure
     """
     if not is_drafted(path):
         return read_specification(str(path), content(path, "pattern"))
+    from warp_cloth.pattern.drafted import drafted_pattern  # thirty modules that a specification does not need
+
     return drafted_pattern(read_drafted(path, options), figure)
 
 
@@ -71,6 +76,8 @@ def read_drafted(path: Path, options: DraftOptions | None = None) -> Draft:
     Raises:
         InputError: ezdxf is not installed, the file cannot be read, or what is stated does not fit it.
     """
+    from warp_cloth.pattern.drafted import read_draft
+
     rules = grade_table_path(path)
     table = None if rules is None else read_grade_table(str(rules), content(rules, "grade rule"))
     return read_draft(str(path), content(path, "pattern"), options or DraftOptions(), table)

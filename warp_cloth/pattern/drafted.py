@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import zip_longest
 
 import numpy as np
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
-from warp_cloth.pattern.draft import Part, Stated
+from warp_cloth.pattern.draft import Part
+from warp_cloth.pattern.draft_options import DraftOptions
 from warp_cloth.pattern.dxf import read_drawing
 from warp_cloth.pattern.figure import Figure, figure_of
 from warp_cloth.pattern.grade_table import GradeTable
-from warp_cloth.pattern.joints import Joint, StatedSeam, cut, side_text, stated_joints
+from warp_cloth.pattern.joints import Joint, cut, side_text, stated_joints
 from warp_cloth.pattern.kinds import BOTH
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.piece_notes import gathered
@@ -27,16 +28,6 @@ from warp_cloth.pattern.shared_sides import parts_with_sides
 from warp_cloth.pattern.specification import Edge, Panel, Pattern, Side, Stitch, short
 
 ADVICE = "draw it with `warp-cloth pattern`, and state the seams that it needs ([[garment.seam]])"
-
-
-@dataclass(frozen=True)
-class DraftOptions:
-    """What a scene states of a pattern that does not state it itself."""
-
-    size: str | None = None
-    seam_allowance: float = 0.0  # [m], of pieces without a sew line
-    seams: tuple[StatedSeam, ...] = ()  # empty: as proposed
-    pieces: Mapping[str, Stated] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

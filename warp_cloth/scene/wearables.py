@@ -309,6 +309,9 @@ class GarmentSpec(Wearable):
     def draft_options(self) -> DraftOptions:
         """What the scene states of a DXF pattern."""
         from warp_cloth.pattern import DraftOptions
+
+        if not self.is_drafted:
+            return DraftOptions()
         from warp_cloth.pattern.draft import Stated
         from warp_cloth.pattern.joints import StatedSeam
 
