@@ -28,6 +28,7 @@ from warp_cloth.pattern.dxf_drawn import (
 )
 from warp_cloth.pattern.dxf_names import with_usable_names, written_name
 from warp_cloth.pattern.dxf_sheet import sheet_pieces
+from warp_cloth.pattern.labels import COUNT_KEYS, copies_of
 from warp_cloth.pattern.loops import area_of, chained
 from warp_cloth.pattern.specification import MOST_PANELS, short
 
@@ -105,9 +106,9 @@ def _pieces(document: Any) -> tuple[list[Drawn], list[str]]:
     if not any(entity.dxftype() in LINEAR for block in blocks for entity in block):
         blocks = [block for block in every if block.name.upper().startswith("*U")]  # groups that were never named
     drawn = {block.name for block in blocks if _has_lines(block, SEW) or _has_lines(block, CUT)}
-    # parts of a piece are blocks within its block; a block of nothing but pieces is a sheet of them
-    sheets = {block.name for block in blocks if block.name not in drawn and drawn.intersection(_inserted(block))}
+    sheets = _sheets(blocks, drawn)
     inner = {name for block in blocks if block.name not in sheets for name in _inserted(block)}
+    inserts = [*space, *(each for block in blocks if block.name in sheets for each in block)]
     pieces = []
     for block in blocks:
         if block.name in inner or block.name in sheets:
@@ -117,6 +118,7 @@ def _pieces(document: Any) -> tuple[list[Drawn], list[str]]:
         if insert is not None:
             for attribute in insert.attribs:
                 piece.state(attribute.dxf.text)
+        _count_inserts(piece, block.name, inserts)
         pieces.append(piece)
     loose = [entity for entity in space if entity.dxftype() != "INSERT"]
     texts = [text for entity in loose for text in texts_of(entity)]
@@ -133,6 +135,38 @@ def _pieces(document: Any) -> tuple[list[Drawn], list[str]]:
         if len(inner_pieces) > 1:
             return inner_pieces, [*texts, *rest]
     return pieces, texts
+
+
+def _sheets(blocks: list[Any], drawn: set[str]) -> set[str]:
+    """Blocks of nothing but pieces, or but sheets of pieces; other blocks within a block are parts of its piece.
+
+    ``drawn``: blocks that are pieces by what is drawn in them. A block that adds its texts and lines to a single one of
+    these is a piece, too, and is put among them.
+    """
+    inserted = {block.name: _inserted(block) for block in blocks}
+    sheets: set[str] = set()
+    grown = True
+    while grown:
+        grown = False
+        for block in blocks:
+            held = inserted[block.name] & (drawn | sheets)
+            if block.name in drawn or block.name in sheets or not held:
+                continue
+            adds = any(entity.dxftype() != "INSERT" for entity in block)
+            (drawn if adds and len(held) == 1 and held <= drawn else sheets).add(block.name)
+            grown = True
+    return sheets
+
+
+def _count_inserts(piece: Drawn, name: str, entities: list[Any]) -> None:
+    """States a pair where a block is inserted as it is and mirrored, and no larger number is stated."""
+    ways = [
+        float(each.dxf.get("xscale", 1.0)) * float(each.dxf.get("yscale", 1.0)) < 0.0
+        for each in entities
+        if each.dxftype() == "INSERT" and each.dxf.name == name
+    ]
+    if any(ways) and not all(ways) and sum(copies_of(piece, piece.texts) or (0, 0)) < 2:
+        piece.texts[COUNT_KEYS[0]] = f"{len(ways) - sum(ways)},{sum(ways)}"
 
 
 def _inserted(block: Any) -> set[str]:

@@ -42,7 +42,7 @@ LINEAR = ("LINE", "ARC", "CIRCLE", "ELLIPSE", "LWPOLYLINE", "POLYLINE", "SPLINE"
 FINE = 2e-5  # of a block's extent: how far the points of an arc or spline may be from it
 NAMELESS = 0  # lines of layers that have neither number nor known name
 # lines of text as AAMA has them; some programs leave blanks out
-_STATED = re.compile(r"^\s*([^\W\d_][\w /_-]*?)\s*[:=]\s*(.*?)\s*$")
+_STATED = re.compile(r"^\s*([^\W\d_][\w /_-]*?)\s*[:=：]\s*(.*?)\s*$")
 _RULE = re.compile(r"^\s*#\s*(\d{1,6})\b")  # the grade rule of a point
 EXTENDED_STRING = 1000  # group code
 FRAME_VERTEX = 16  # flag of a vertex of a polyline's control frame, which is not on its curve
@@ -66,7 +66,7 @@ class Drawn:
         if found is None:
             self.remarks.append(text.strip())
             return
-        key = re.sub(r"[^a-z]", "", plain(found[1]))
+        key = re.sub(r"[\W\d_]", "", plain(found[1]))
         if not self.texts.get(key):
             self.texts[key] = found[2]
 

@@ -1,14 +1,26 @@
-"""Pieces of a drawing without blocks: each closed outline is one, with all that lies in its box."""
+"""Pieces of a drawing without blocks: each closed outline is one, with all that lies in its box; layers as sizes."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.dxf_drawn import CUT, INTERNAL, NAMELESS, SEW, Drawn, drawn_piece, texts_of
+from warp_cloth.pattern.dxf_drawn import (
+    CUT,
+    INTERNAL,
+    LINEAR,
+    NAMELESS,
+    SEW,
+    Drawn,
+    drawn_piece,
+    layer_number,
+    texts_of,
+)
+from warp_cloth.pattern.labels import SIZE_KEYS
 from warp_cloth.pattern.lattice import inside
 from warp_cloth.pattern.loops import area_of, chained, gap_of
 
@@ -17,11 +29,53 @@ LINED = 0.6  # of the area, from which a loop within an outline is its sew line
 # Of an outline's area, which several loops within it fill where it is a sheet's frame
 FRAMED_RECTANGLE, FRAMED_OTHER = 0.1, 0.4
 SQUARE = 1e-3  # of its extent, to which a frame is a rectangle
+DOT = 1e-3  # of the largest outline's area, under which an outline beside it is a button or a mark
 
 
 def sheet_pieces(entities: list[Any]) -> tuple[list[Drawn], list[str]]:
-    """Pieces of a sheet, by their closed outlines, and the texts that lie in none."""
+    """Pieces of a sheet, by their closed outlines, and the texts that lie in none.
+
+    Where no layer is one that patterns have, each may be a size ("SIZE_36"), or all of them are one.
+    """
+    layers = dict.fromkeys(_layer(entity) for entity in entities if entity.dxftype() in LINEAR)
+    if {layer_number(layer) or NAMELESS for layer in layers} & {CUT, SEW, NAMELESS}:
+        return _pieces_of(entities, as_one=False)
+    texts = [entity for entity in entities if entity.dxftype() not in LINEAR]
+    found, loose = [], []
+    for layer, size in zip(layers, _told_apart(list(layers)), strict=True):
+        own = [entity for entity in entities if entity.dxftype() in LINEAR and _layer(entity) == layer]
+        pieces, rest = _pieces_of([*own, *texts], as_one=True)
+        for piece in pieces:
+            if not piece.said(*SIZE_KEYS):
+                piece.texts[SIZE_KEYS[0]] = size
+        found.append(pieces)
+        loose += [text for text in rest if text not in loose]
+    if len(found) > 1 and len({len(pieces) for pieces in found}) == 1 and found[0]:
+        return [piece for pieces in found for piece in pieces], loose
+    return _pieces_of(entities, as_one=True)
+
+
+def _layer(entity: Any) -> str:
+    return str(entity.dxf.get("layer", "0"))
+
+
+def _told_apart(names: list[str]) -> list[str]:
+    """Names without what they all begin and end with, up to whole words and numbers: "36" of "SIZE_36"."""
+    words = [re.findall(r"\d+|[^\W\d_]+", name) for name in names]
+    if len(names) < 2 or len({tuple(each) for each in words}) < len(names):
+        return names
+    shortest = min(map(len, words))
+    first = next((k for k in range(shortest) if len({each[k] for each in words}) > 1), shortest)
+    last = next((k for k in range(shortest - first) if len({each[-1 - k] for each in words}) > 1), 0)
+    told = [" ".join(each[first : len(each) - last]) for each in words]
+    return told if all(told) else names
+
+
+def _pieces_of(entities: list[Any], as_one: bool) -> tuple[list[Drawn], list[str]]:
+    """Pieces, and the texts that lie in none; ``as_one``: whatever layers lines are on, they are outlines."""
     whole = drawn_piece("", entities)
+    if as_one:
+        whole.lines = {NAMELESS: [line for lines in whole.lines.values() for line in lines]}
     layers = whole.lines
     main = CUT if CUT in layers else SEW if SEW in layers else NAMELESS
     drawn = layers.get(main, [])
@@ -69,9 +123,12 @@ def _outlined(loops: Sequence[Floats], main: int) -> tuple[list[Drawn], list[Flo
     pieces: list[Drawn] = []
     outlines: list[Floats] = []
     places: list[int] = []
-    for place in _by_area(loops):
+    order = _by_area(loops)
+    for place in order:
         line = loops[place]
         around = next((k for k in range(len(outlines)) if _holds(outlines[k], line)), None)
+        if around is None and abs(area_of(line)) < DOT * abs(area_of(loops[order[0]])):
+            continue
         if around is None:
             outlines.append(line)
             places.append(place)
@@ -81,8 +138,8 @@ def _outlined(loops: Sequence[Floats], main: int) -> tuple[list[Drawn], list[Flo
             pieces[around].lines.setdefault(CUT if main == CUT else INTERNAL, []).append(line)
         elif main == NAMELESS:
             pieces[around].lines.setdefault(SEW, [line])
-    order = np.argsort(places).tolist()
-    return [pieces[k] for k in order], [outlines[k] for k in order]
+    in_file = np.argsort(places).tolist()
+    return [pieces[k] for k in in_file], [outlines[k] for k in in_file]
 
 
 def _unframed(loops: list[Floats]) -> list[Floats]:
@@ -103,8 +160,16 @@ def _unframed(loops: list[Floats]) -> list[Floats]:
         filled = sum(abs(area_of(loop)) for loop in apart) / max(abs(area_of(loops[largest])), 1e-300)
         if len(apart) < 2 or filled < (FRAMED_RECTANGLE if _is_rectangle(loops[largest]) else FRAMED_OTHER):
             break
-        loops = rest
+        frame = loops[largest]
+        loops = [loop for loop in rest if not (_is_rectangle(loop) and _touches(frame, loop))]  # its title block
     return loops
+
+
+def _touches(frame: Floats, loop: Floats) -> bool:
+    """Whether two corners of a loop lie on a frame's box."""
+    low, high = frame.min(axis=0), frame.max(axis=0)
+    off = np.minimum(np.abs(loop - low), np.abs(high - loop)).min(axis=1)
+    return bool((off <= SQUARE * float((high - low).max())).sum() > 1)
 
 
 def _by_area(loops: Sequence[Floats]) -> list[int]:

@@ -8,6 +8,7 @@ with a third entry "right_wrong" where the right side of one cloth is sewn to th
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -314,6 +315,9 @@ class _Reader:
         return np.array([self._number(entry, place) for entry in value])
 
     def _number(self, value: Any, place: str) -> float:
+        if isinstance(value, str):  # "100", as some writers have it
+            with contextlib.suppress(ValueError):
+                value = float(value)
         if isinstance(value, bool) or not isinstance(value, int | float):
             self.refuse(place, f"{short(repr(value))} is not a number")
         if isinstance(value, int):

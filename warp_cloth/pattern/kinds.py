@@ -116,7 +116,7 @@ class Named:
 def plain(text: str) -> str:
     """A text in lower case without accents of Latin and Greek letters; other scripts as they are."""
     apart = unicodedata.normalize("NFKD", text.lower()).translate(LETTERS)
-    return unicodedata.normalize("NFC", re.sub(r"[\u0300-\u036f]", "", apart))
+    return unicodedata.normalize("NFC", re.sub(r"(?<=[a-z\u0370-\u03ff])[\u0300-\u036f]+", "", apart))
 
 
 def named(name: str) -> Named:

@@ -11,27 +11,42 @@ from warp_cloth.pattern.kinds import named
 NAME_KEYS = (
     *("piecename", "partname", "piece", "part", "name", "patternname", "teilename", "teilbezeichnung", "bezeichnung"),
     *("nompiece", "nomdelapiece", "nom", "nombrepieza", "nombredelapieza", "nombre", "pieza", "nomepezzo", "nome"),
+    *("nomedapeca", "peca", "naam", "onderdeel", "nazwa", "element", "parca", "parcaadi", "деталь", "наименование"),
+    *("パーツ名", "部位", "裁片", "裁片名称", "样片名称", "패턴명"),
 )
-SIZE_KEYS = ("size", "sizename", "groesse", "grosse", "konfektionsgrosse", "taille", "talla", "taglia", "tamanho")
+SIZE_KEYS = (
+    *("size", "sizename", "groesse", "grosse", "konfektionsgrosse", "taille", "talla", "taglia", "tamanho", "maat"),
+    *("rozmiar", "beden", "storlek", "storrelse", "velikost", "размер", "サイズ", "尺码", "尺寸", "号型", "사이즈"),
+)
 COUNT_KEYS = (
     *("quantity", "qty", "pieces", "cut", "cutquantity"),
-    *("anzahl", "stuckzahl", "quantite", "cantidad", "quantita", "quantidade"),
+    *("anzahl", "stuckzahl", "quantite", "cantidad", "quantita", "quantidade", "aantal", "ilosc", "sztuk", "adet"),
+    *("antal", "pocet", "количество", "колво", "枚数", "数量", "裁片数", "수량"),
 )
 NOTE_KEYS = ("annotation", "annotations", "remark", "description")
 PAIR = r"\bpairs?\b|\bpaare?\b|\bpaires?\b|\bpar(es)?\b|\bpai[ao]\b|[对对双雙]"
 PLEATED = r"\bpleat|\bfalte|kellerfalte|\bpliss|\bplis? |\bplisad|\btabla\b|\bpieghe?\b|褶|プリーツ|주름"
-ON_FOLD = r"\bon (the )?fold|\bau pli|\bbruch\b|stoffbruch|\bdoblez|\bpiega\b|对折|對折"
+ON_FOLD = (
+    r"\bon (the )?fold|\bau pli|\bbruch\b|stoffbruch|\bdoblez|\bpiega\b|\b(na|pela) dobra|dobra do tecido|stofvouw"
+    r"|\b(aan|op|tegen) (de )?vouw|\bkatta\b|\bkat(a|tan)? (yerinde|izi)|zgi[eę]ci|złożeni|přehyb|\bmot vikning"
+    r"|\btygvikning|\bmot brett|\bmod fold|\btaite|сгиб|згин|对折|對折|わ裁|골선"
+)
+TO_CUT = "cut|zuschneiden|schneiden|couper|cortar|tagliare|knippen|wytnij|вырезать|klipp"
 # How often to cut, in words of labels ("Cut 2", "2x", "SHELL*1"), and of left and right ("L*1-R*1")
 CUT_TIMES = (
-    r"\b(?:cut|zuschneiden|schneiden|couper|cortar|tagliare)\s*:?\s*(\d{1,2})\b",
+    rf"\b(?:{TO_CUT})\s*:?\s*(\d{{1,2}})\b",
     r"(?<![\w.,])(\d{1,2})\s*[x×](?!\s*[a-z]?\d)",
     r"(?:\w|^)\s*[*×]\s*(\d{1,2})\b",
-    r"(?<!\w)(\d{1,2})\s*(?:mal\b|fois\b|veces\b|volte\b|times\b)",
+    r"(?<=\w )[x×](\d{1,2})$",
+    r"(?<!\w)(\d{1,2})\s*(?:mal\b|fois\b|veces\b|vezes\b|volte\b|times\b|keer\b|adet\b|szt\b|sztuk)",
+    r"(?<!\w)(\d{1,2})\s*(?:дет\b|детал|шт\b|枚|片)",
 )
 LEFT_RIGHT = r"\bl\w{0,4}\s*[*×x=:]?\s*(\d{1,2})\b.{0,4}\br\w{0,5}\s*[*×x=:]?\s*(\d{1,2})\b"
 # A block's name with a number to cut and its place in the file, as some programs name blocks ("BACK YOKEX1-35")
 COUNTED_BLOCK = re.compile(r"^(.*\S)\s?X(\d{1,2})-(\d{1,4})$")
 NO_NAME = re.compile(r"^[\W\d]*$")
+NUMBERED = re.compile(r"^\D{0,8}\d+$")  # a block's name as programs make it: "B3", "PART_12"
+MOST_WORDS = 4  # of a label that is a name, and no remark
 NO_LETTER = re.compile(r"^[\W_]*$")  # of a block's name: letters that were lost
 
 
@@ -43,16 +58,32 @@ def name_of(drawn: Drawn) -> str:
     counted = COUNTED_BLOCK.match(drawn.block)
     block = plain_text(drawn.block if counted is None else counted[1])
     block = "" if NO_LETTER.match(block) else block
+    if NUMBERED.match(block) and (re.match(r"^\D\d", block) or not named(block).kind):  # a label says more
+        label = _label(drawn.remarks)
+        if named(label).kind and len(label.split()) <= MOST_WORDS:
+            return label
     return block or _label(drawn.remarks) or "piece"
 
 
 def _label(remarks: list[str]) -> str:
-    """The line of a label that names a piece, else its first one that is a word and no number to cut."""
-    lines = [plain_text(line) for line in remarks]
-    words = [line for line in lines if not NO_NAME.match(line) and _count(line.lower()) is None]
-    words = [line for line in words if not re.search(ON_FOLD, line.lower())]
+    """The line of a label that names a piece, else its first one that is a word and no number to cut.
+
+    A line that says how often to cut, too, ("FRONT - cut 1x on fold") counts after those that do not.
+    """
+    lines = [line for line in map(plain_text, remarks) if not NO_NAME.match(line)]
+    words = [line for line in lines if _count(line.lower()) is None and not re.search(ON_FOLD, line.lower())]
     telling = [line for line in words if named(line).kind]
+    counted = [_without_count(line) for line in lines if line not in words]
+    telling += [line for line in counted if named(line).kind not in ("", "none")]
     return next(iter(telling or words), "")
+
+
+def _without_count(line: str) -> str:
+    """A line of a label without how often to cut and without the fold; itself where nothing else is in it."""
+    rest = line
+    for pattern in (*CUT_TIMES, ON_FOLD, rf"\b({TO_CUT})\b"):
+        rest = re.sub(pattern, " ", rest, flags=re.IGNORECASE)
+    return re.sub(r"\s+", " ", rest).strip(" -:;,.()/") or line
 
 
 def size_of(drawn: Drawn) -> str:

@@ -29,7 +29,7 @@ WORDS = (
     ),
     (
         "cuff",
-        r"cuff|\bb(ue|u)ndchen\b|a(e|)rmelb(ue|u)ndchen|manschette|manchet|boord\b|poignet|\bpun(h)?o"
+        r"cuff|\bb(ue|u)ndchen\b|a(e|)rmelb(ue|u)ndchen|manschette|manchet|(?<!hals)boord\b|poignet|\bpun(h)?o"
         r"|polsino|\bpolso|mankiet|manzet|манжет|\bmanset|linning|\bmudd\b|kalvosin|xiu ?kou|\bke ?fu|袖口"
         r"|克夫|袖头|袖克|カフス|커프스|소매단",
     ),
@@ -47,8 +47,8 @@ WORDS = (
     (
         "collar",
         r"collar|\bstand\b|neck[ _-]*(band|rib|bind|line)|rib[ _-]*neck|kragen|\bsteg\b|halsb(ue|u)ndchen|halsb"
-        r"|kraag|\bcol\b|pied de col|encolure|bord[ _-]*cote|cuello|\bgola|collarin|colletto|\bcollo\b"
-        r"|listino|kolnierz|limec|vorotnik|воротник|комір|стойка|\byaka\b|\bkrage|\bkrave|kaulus"
+        r"|kraag|halsboord|\bcol\b|pied de col|encolure|bord[ _-]*cote|cuello|\bgola|collarin|colletto|\bcollo\b"
+        r"|listino|kolnierz|limec|vorotnik|воротник|\bбейк|комір|стойка|\byaka\b|\bkrage|\bkrave|kaulus"
         r"|\b(shang|xia|ni|fan)? ?ling(zi|pian|wei|mian|di)?\b|领|領|\beri\b|衿|칼라|카라",
     ),
     (
