@@ -36,6 +36,36 @@ def values(person: Person) -> dict[str, float]:
     return {each.name: each.value for each in person.measures if each.value is not None}
 
 
+def joined(*meshes: Mesh) -> Mesh:
+    """Several meshes in one file."""
+    starts = np.cumsum([0, *(mesh.vertex_count for mesh in meshes)])
+    triangles = [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
+    return Mesh("scan", np.vstack([mesh.points for mesh in meshes]), np.vstack(triangles).astype(np.int32))
+
+
+def floor(half: float) -> Mesh:
+    """A square under the feet; ``half``: of its side [m]."""
+    corners = half * np.array([[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]])
+    return Mesh("floor", corners - [0.0, 0.01, 0.0], np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32))
+
+
+def test_a_floor_or_another_person_is_left_out() -> None:
+    """A floor has more area than the person on it."""
+    person = understand(mannequin(KNOWN, edge=0.02))
+    beside = Mesh("other", person.body.points + np.array([1.6, 0.0, 0.0]), person.body.triangles)
+    for further in (floor(2.0), beside):
+        found = understand(joined(further, person.body))
+        assert values(found) == pytest.approx(values(person), abs=1e-9)
+        assert len(found.notes) == 1
+        assert found.notes[0].startswith("a further part")
+    assert person.notes == ()
+
+
+def test_a_flat_body_is_no_person(person: Person) -> None:
+    found = understand(Mesh("drawing", person.body.points * [1.0, 1.0, 0.0], person.body.triangles))
+    assert found.reason == "its trunk is flat"
+
+
 def prism(outline: Floats, height: float) -> tuple[Floats, NDArray[np.int32]]:
     """An upright tube over a closed outline in (x, z): points [m] and triangles."""
     count = len(outline)

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from warp_cloth.anatomy.measures import Measure, measures_of
 from warp_cloth.anatomy.skeleton import Skeleton, skeleton_or_reason
 from warp_cloth.anatomy.stance import Stance, stance_of
+from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.topology import mesh_edges
+
+LARGE, OUT = 0.2, 0.05  # of the span: extent of a part that is no eye or shoe, and how far it reaches out of the body
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +25,7 @@ class Person:
     stance: Stance | None
     measures: tuple[Measure, ...]  # empty where there are no limbs
     reason: str  # why no limbs can be told: a clause; else empty
+    notes: tuple[str, ...] = ()  # of what of it is left out
 
 
 def understand(body: Mesh) -> Person:
@@ -26,4 +33,22 @@ def understand(body: Mesh) -> Person:
     found = skeleton_or_reason(body)
     if isinstance(found, str):
         return Person(body, None, None, (), found)
-    return Person(body, found, stance_of(found), measures_of(body, found), "")
+    return Person(body, found, stance_of(found), measures_of(body, found), "", _left_out(body, found))
+
+
+def _left_out(body: Mesh, skeleton: Skeleton) -> tuple[str, ...]:
+    """A note where large parts reach out of the one that has the limbs: another person, a floor, a third arm."""
+    own = body.points[skeleton.own]
+    low, high = own.min(axis=0) - OUT * skeleton.span, own.max(axis=0) + OUT * skeleton.span
+    edges = mesh_edges(body.triangles, body.vertex_count)
+    part = connected_components(body.vertex_count, edges[:, 0], edges[:, 1])
+    lower, upper = body.points.copy(), body.points.copy()
+    np.minimum.at(lower, part, body.points)
+    np.maximum.at(upper, part, body.points)
+    extent = (upper - lower).max(axis=1)
+    further = np.flatnonzero((part == np.arange(len(part))) & ~skeleton.own & (extent > LARGE * skeleton.span))
+    sizes = [float(extent[n]) for n in further if (lower[n] < low).any() or (upper[n] > high).any()]
+    if not sizes:
+        return ()
+    parts = "a further part" if len(sizes) == 1 else f"{len(sizes)} further parts"
+    return (f"{parts}, {max(sizes):.2f} m long at most, left out: measures are of the part that has the limbs",)

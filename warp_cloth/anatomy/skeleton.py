@@ -37,6 +37,9 @@ MIDDLE_SLICE = 8  # the waist
 ENDS = 3  # slices at either end of the trunk that are a shoulder's, or a thigh's
 SMALLEST_SPAN = 0.3  # [m]; a doll's
 SHORTEST_LEG = 0.2  # of the span, from the toes to the crotch: 0.43 in people
+PART = 0.01  # of the largest part's area, that another part may have limbs from: a scan may have its floor
+MOST_PARTS = 3  # that are looked at
+FLAT = 0.01  # of the span, the least spread of a trunk's vertices in any direction; 0.03 in people
 FLAT_FEET = 0.03  # of the span, that the toes are ahead of the ankles; legs without feet do not tell forward
 # A person's limbs, along their curves from the middle of the trunk: right as long as left, arms as long as legs (0.89
 # to 1.15 in people, mannequins and halves of scans), the trunk 0.2 to 0.42 of the span, hips and shoulders wide apart.
@@ -57,6 +60,7 @@ class Skeleton:
     skin: Points  # vertices of the body [m], shape [V, 3]
     limb: NDArray[np.int8]  # number of each vertex's limb, or TRUNK, shape [V]
     station: Floats  # where it is along its limb's curve, 0 to 1, shape [V]
+    own: NDArray[np.bool_]  # the vertices of the connected part that has the limbs, shape [V]
 
     @property
     def middle(self) -> Points:
@@ -129,16 +133,31 @@ def skeleton_or_reason(body: Mesh) -> Skeleton | str:
     if isinstance(found, str):
         return found
     own = slice(body.vertex_count)
-    return replace(found, skin=found.skin[own], limb=found.limb[own], station=found.station[own])
+    return replace(found, skin=found.skin[own], limb=found.limb[own], station=found.station[own], own=found.own[own])
 
 
 def _skeleton_of(points: Points, triangles: Indices, edges: Indices) -> Skeleton | str:
-    """The skeleton of a body without holes, or why there is none."""
+    """The skeleton of a body without holes, or why its largest part, or any nearly as large, is no person's."""
     graph = EdgeGraph(edges, row_lengths(points[edges[:, 0]] - points[edges[:, 1]]), len(points))
     area = _vertex_areas(points, triangles)
     if not area.any():
         return "it has no surface"
-    main = _largest_part(graph, area)
+    part = graph.parts()
+    areas = np.bincount(part, area)
+    largest = np.argsort(-areas, kind="stable")[:MOST_PARTS]
+    reasons = []
+    for number in largest[areas[largest] > PART * areas.max()]:
+        found = _skeleton_of_part(points, triangles, graph, area, part == number)
+        if isinstance(found, Skeleton):
+            return found
+        reasons.append(found)
+    return reasons[0]
+
+
+def _skeleton_of_part(
+    points: Points, triangles: Indices, graph: EdgeGraph, area: Floats, main: NDArray[np.bool_]
+) -> Skeleton | str:
+    """The skeleton of the connected part ``main``, or why there is none."""
     found = _tips(points, graph, area, main)
     if isinstance(found, str):
         return found
@@ -154,20 +173,13 @@ def _skeleton_of(points: Points, triangles: Indices, edges: Indices) -> Skeleton
 
 
 def without_loose_parts(body: Mesh, skeleton: Skeleton) -> tuple[Mesh, Skeleton]:
-    """A body's largest connected part, which has the limbs, and its skeleton: without eyes, hair, specks of a scan."""
-    edges = mesh_edges(body.triangles, body.vertex_count)
-    graph = EdgeGraph(edges, np.ones(len(edges)), body.vertex_count)
-    main = _largest_part(graph, _vertex_areas(body.points, body.triangles))
-    number = np.cumsum(main) - 1
-    triangles = number[body.triangles[main[body.triangles[:, 0]]]].astype(np.int32)
-    limbs = replace(skeleton, skin=body.points[main], limb=skeleton.limb[main], station=skeleton.station[main])
-    return Mesh(body.name, body.points[main], triangles), limbs
-
-
-def _largest_part(graph: EdgeGraph, area: Floats) -> NDArray[np.bool_]:
-    """The vertices of the connected part with the largest area, shape [V]."""
-    part = graph.parts()
-    return np.asarray(part == np.bincount(part, area).argmax(), dtype=np.bool_)
+    """A body's connected part that has the limbs, and its skeleton: without eyes, hair, a scan's specks and floor."""
+    own = skeleton.own
+    number = np.cumsum(own) - 1
+    triangles = number[body.triangles[own[body.triangles[:, 0]]]].astype(np.int32)
+    limb, station = skeleton.limb[own], skeleton.station[own]
+    limbs = replace(skeleton, skin=body.points[own], limb=limb, station=station, own=own[own])
+    return Mesh(body.name, body.points[own], triangles), limbs
 
 
 def _vertex_areas(points: Points, triangles: Indices) -> Floats:
@@ -265,6 +277,8 @@ def _joined(
     limb = _nearest_limb(points, main, limbs)
     heights = np.linspace(0.05, 0.97, SLICES) * height
     is_trunk = limb == TRUNK
+    if _least_spread(points[is_trunk & main]) < FLAT * span:
+        return "its trunk is flat"
     trunk = triangles[is_trunk[triangles[:, 0]] | is_trunk[triangles[:, 1]] | is_trunk[triangles[:, 2]]]
     lines = level_lines(points, trunk, np.where(limb == TRUNK, (points - hips) @ up, np.inf), heights)
     if (lines.girths() <= 0.0).any():
@@ -283,7 +297,15 @@ def _joined(
         own = limb == number
         stations = along[joints[number] :][::-1] / along[-1]  # from the tip inwards, as the levels are
         station[own] = np.interp(each.distances[own], each.levels, stations)
-    return Skeleton(curves, joints, spine, up, forward, left, span, points, limb, station)
+    return Skeleton(curves, joints, spine, up, forward, left, span, points, limb, station, main)
+
+
+def _least_spread(points: Points) -> float:
+    """The standard deviation of points, shape [N, 3], along the direction in which it is least [m]."""
+    if not len(points):
+        return 0.0
+    off = points - points.mean(axis=0)
+    return float(np.sqrt(max(np.linalg.eigvalsh(off.T @ off / len(points))[0], 0.0)))
 
 
 def _unlike_a_person(curves: Sequence[Points], limbs: list[_Limb], left: Points, span: float) -> str:

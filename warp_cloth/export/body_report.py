@@ -16,7 +16,7 @@ INCH = 0.0254  # [m]
 
 def body_lines(person: Person, with_measures: bool) -> list[str]:
     """What is printed: pose and limbs, or why there are none; and the measures in centimetres and inches."""
-    lines = [f"{person.body.name}: {body_sentence(person)}", *note_rows(person.body.notes)]
+    lines = [f"{person.body.name}: {body_sentence(person)}", *note_rows([*person.body.notes, *person.notes])]
     if person.skeleton is not None:
         lines.append(row("found", ", ".join(LIMBS)))
     if with_measures and person.measures:
@@ -55,7 +55,7 @@ def save_body(person: Person, folder: Path, *, device: str = "cpu") -> list[Path
         "measures_m": {each.name: each.value for each in person.measures},
         "not_measured": {each.name: each.reason for each in person.measures if each.value is None},
         "definitions": DEFINITIONS if person.measures else {},
-        "notes": person.body.notes,
+        "notes": [*person.body.notes, *person.notes],
     }
     write_report(paths[0], report)
     sentence = body_sentence(person)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from warp_cloth.anatomy.linking import COVERED
-from warp_cloth.anatomy.skeleton import HEAD, LIMBS
+from warp_cloth.anatomy.skeleton import HEAD, LIMBS, skeleton_or_reason
 from warp_cloth.anatomy.trunk_loop import trunk_loop
 from warp_cloth.base.connected import connected_components
 from warp_cloth.loading.raw import counted
@@ -236,12 +236,21 @@ def empty_openings(judged: Judged) -> Iterator[FitProblem]:
     yield FitProblem(
         ProblemCode.EMPTY_OPENING,
         f'{counted(len(empty), "opening")} of "{judged.name}" {verb} nothing, the largest {100 * girth:.0f} cm around: '
-        "no limb passes through.",
+        f"no limb passes through.{_unlimbed(judged)}",
         "Place the panels around the limb that is to pass through, in the body's pose.",
         judged.name,
         {"openings": len(empty), "girth_mm": 1e3 * girth},
         vertices=listed(np.concatenate([opening.vertices for opening in empty])),
     )
+
+
+def _unlimbed(judged: Judged) -> str:
+    """A sentence that says why it was not dressed, where the body has no limbs that can be told; else empty."""
+    body = judged.of.body
+    reason = skeleton_or_reason(body) if body is not None and not judged.of.outfit.poses else ""
+    if not isinstance(reason, str) or not reason:
+        return ""
+    return f" It started as it was placed, since no limbs of the body can be told: {reason}."
 
 
 def _drop(judged: Judged) -> float:
