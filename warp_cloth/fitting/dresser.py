@@ -72,7 +72,7 @@ class PosedStart:
 
 
 class Dresser:
-    """Dresses a posed avatar with one garment: a step of a method moves the body, the garment follows and relaxes."""
+    """Dresses a posed avatar with a garment: a step of a method moves the body, the garment follows and relaxes."""
 
     def __init__(
         self,
@@ -91,26 +91,32 @@ class Dresser:
             offset: of the garment from the skin [m].
             lifted: whether what is sewn is moved to where it started at once, not pulled on.
             watching: whether shapes are kept for the film.
-            worn: where it lies on the body at home [m]; None: as panels, round the body posed within it.
+            worn: where it lies on the body at home [m], with others of the outfit, inner to outer, if there are any;
+                None: alone, as panels, round the body posed within it.
         """
-        (wearing,), avatar = outfit.wearing, outfit.avatar
+        wearing, avatar = outfit.wearing[0], outfit.avatar
         if wearing is None or avatar is None:
             raise ValueError("the garment has no openings, or the avatar no limbs")
         self.wearing, self._avatar, self._device = wearing, avatar, device
         sewing = sewing_scene_of(scene, offset)
-        (garment,) = garments_in(sewing, outfit.meshes)
-        garment = replace(garment, points=parted(wearing, wearing.onto) if worn is None else worn)
+        garments = garments_in(sewing, outfit.meshes)
+        if worn is None:
+            (garment,) = garments
+            garments = (replace(garment, points=parted(wearing, wearing.onto)),)
+        else:
+            parts = np.split(worn, np.cumsum([len(each.points) for each in garments])[:-1])
+            garments = tuple(replace(each, points=part) for each, part in zip(garments, parts, strict=True))
         self._body = PosedBody(avatar, wearing.skeleton, chest_stays=wearing.hangs_from_waist)
         self._posed, self._moved, self.could_slide = self._body.home, list(ARMS), False
         self._loose = loose_cloth(wearing)
         self._loose_vertices = [np.unique(triangles) for triangles in self._loose]
         self._away: list[Points] | None = None
         if worn is None:
-            self._pose(garment.points, lifted)
+            self._pose(garments[0].points, lifted)
         self._curves: Sequence[Points] = self._posed
         self._thickness = THIN
         self._surface, self._slid = self._body.points(self._posed, THIN), self._body.slid(self._posed)
-        sewn = replace(outfit, garments=(garment,), avatar=replace(avatar, points=self._surface))
+        sewn = replace(outfit, garments=garments, avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
         clock.lap("dress")
         self._problem = build_problem([attempt], [sewn], device, clock=clock)

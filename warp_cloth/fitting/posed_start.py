@@ -29,7 +29,7 @@ CACHE_NAME = "posed"
 
 
 class _Lone(NamedTuple):
-    """One garment of a scene by itself, and how it is dressed."""
+    """A lone scene, or one garment of it by itself, and how it is dressed."""
 
     scene: Scene
     outfit: Outfit
@@ -60,21 +60,19 @@ def start_posed(
 
 
 def start_thinned(problem: Problem, clock: StageClock) -> tuple[LevelRun, ...]:
-    """Untangles a lone scene's garments where they lie on the body; returns the relaxations of each.
+    """Untangles a lone scene's garments where they lie on the body, all together; returns what that relaxed.
 
-    What lies on a body is drawn over it, and folds that pass through each other stay. So the body is thinned within
-    the garment, the cloth untangles as the light sheet that is sewn, and the body grows again.
+    What lies on a body is drawn over it, and folds that pass through each other stay, of one garment or of two. So the
+    body is thinned within the garments, the cloth untangles as the light sheet that is sewn, and the body grows again.
     """
-    worn, (outfit,), starts, first = problem.model.points(), problem.loaded, [], 0
-    for index, garment in enumerate(outfit.garments):
-        own = worn[first : (first := first + len(garment.points))]
-        start = _untangled(_lone(problem, index, clock), own)
-        starts.append(start if start.points is not None else replace(start, points=own))
-    return _placed(problem, starts, clock)
+    (scene,), (outfit,), worn = problem.scenes, problem.loaded, problem.model.points()
+    whole = _Lone(scene, replace(outfit, predrape_garments=()), str(problem.model.device), OFFSET, clock)
+    start = _untangled(whole, worn)
+    return _placed(problem, [start if start.points is not None else replace(start, points=worn)], clock)
 
 
 def _lone(problem: Problem, index: int, clock: StageClock) -> _Lone:
-    """A lone scene's garment of this number."""
+    """A lone scene's garment of this number, by itself."""
     (scene,), (outfit,) = problem.scenes, problem.loaded
     one = slice(index, index + 1)
     lone = replace(
