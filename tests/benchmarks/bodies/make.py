@@ -3,7 +3,8 @@
     pip install anny torch      # not a dependency of warp_cloth; its first start takes ten minutes
     python tests/benchmarks/bodies/make.py FOLDER [--only NAME ...]
 
-Writes FOLDER/NAME.obj (metres, y up, feet on the floor) of each body in ``BODIES``. ``shape`` are anny's phenotypes
+Writes FOLDER/NAME.obj (metres, y up, feet on the floor) of each body in ``BODIES``, and FOLDER/measures.csv with what
+anny measures of them at rest, for ``measures.py``. ``shape`` are anny's phenotypes
 (0 to 1), ``pose`` turns bones [degrees] about the axes of the person: x to the left, y up, z to the front. What is
 stated for the left side is mirrored to the right, unless a bone of the right side is stated as well.
 """
@@ -11,6 +12,7 @@ stated for the left side is mirrored to the right, unless a bone of the right si
 from __future__ import annotations
 
 import argparse
+import csv
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +20,7 @@ from pathlib import Path
 import anny
 import numpy as np
 import torch
+from anny.anthropometry import Anthropometry
 
 Turns = dict[str, tuple[float, float, float]]  # degrees about x, y, z, by bone
 
@@ -125,10 +128,22 @@ def run(model: anny.Anny, shape: dict[str, float], pose: Turns) -> dict[str, tor
         return model(pose_parameters=turns or None, phenotype_kwargs=shape, pose_parameterization="local-ref")
 
 
+def shape_of(body: Body) -> dict[str, float]:
+    """anny's phenotype of a body."""
+    shape = {name: getattr(body, name) for name in ("gender", "age", "muscle", "weight", "height")}
+    return {**shape, "proportions": 0.5}
+
+
+def stated_measures(model: anny.Anny, body: Body) -> dict[str, float]:
+    """anny's own stature and waist of a body at rest [m]."""
+    rest, anthropometry = run(model, shape_of(body), {})["rest_vertices"], Anthropometry(model)
+    waist = float(anthropometry.waist_circumference(rest)[0])
+    return {"height": float(anthropometry.height(rest)[0]), "waist_circumference": waist}
+
+
 def points_of(model: anny.Anny, body: Body) -> np.ndarray:
     """(V, 3) points [m], y up, feet on the floor."""
-    shape = {name: getattr(body, name) for name in ("gender", "age", "muscle", "weight", "height")}
-    shape["proportions"] = 0.5
+    shape = shape_of(body)
     pose = dict(body.pose)
     if body.arms is not None:
         x, y, _ = pose.get("upperarm01.L", (0.0, 0.0, 0.0))
@@ -152,10 +167,16 @@ def main() -> None:
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
     model = anny.create_fullbody_model(triangulate_faces=True).to(dtype=torch.float64)
+    rows = []
     for name in given.only:
         points = points_of(model, BODIES[name])
         write_obj(given.folder / f"{name}.obj", points, model.faces.numpy())
+        rows.append({"name": name, **stated_measures(model, BODIES[name])})
         print(f"{name}.stature {points[:, 1].max():.3f} m", flush=True)
+    with (given.folder / "measures.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 if __name__ == "__main__":
