@@ -323,3 +323,16 @@ def test_the_best_attempt_is_free_of_crossings_then_at_rest() -> None:
     ]
     ranks = [each.rank for each in ends]
     assert ranks == sorted(ranks)
+
+
+def test_what_came_off_is_told_not_the_same_on_its_way_there() -> None:
+    attempt = first("hanging")
+    sliding, came_off, tangled, hangs, worn = (
+        Ended(attempt, LIMIT, 0, VERTICES, sunk=True),
+        Ended(attempt, REST, 0, VERTICES, sunk=True, misplaced=True),
+        Ended(attempt, REST, 0, VERTICES, misplaced=True),
+        Ended(attempt, LIMIT, 0, VERTICES),
+        Ended(attempt, REST, 0, VERTICES),
+    )
+    ends = [tangled, sliding, came_off, hangs, worn]
+    assert sorted(ends, key=lambda each: each.rank) == ends

@@ -250,3 +250,23 @@ def test_a_shape_of_another_mesh_is_refused() -> None:
     fit = warp_cloth.fit(scenes[0], overrides=["solver.iterations=10"], device="cpu")
     with pytest.raises(InputError, match="other vertices or triangles"):
         warp_cloth.judge(scenes[1], replace(fit), device="cpu")
+
+
+@pytest.mark.parametrize(("degrees", "side"), [(20.0, ""), (28.0, "right"), (-28.0, "left")])
+@pytest.mark.parametrize("scene_name", ["skirt", "trousers"])
+def test_what_slopes_down_to_one_side_hangs_from_one_hip(scene_name: str, degrees: float, side: str) -> None:
+    scene = load_scene(scene_name, ["garment.edge_mm=60"])
+    outfit = load_outfit(scene)
+    (wearing,), points = outfit.wearing, outfit.garments[0].points
+    assert wearing is not None
+    up, left, top = wearing.skeleton.up, wearing.skeleton.left, wearing.onto[wearing.top.loop].mean(axis=0)
+    across = (wearing.onto - top) @ left
+    sheared = wearing.onto + np.tan(np.radians(degrees)) * across[:, None] * up
+    assert sheared.shape == points.shape
+    assert wearing.sunk(sheared) == (side != "")
+    assert not wearing.sunk(wearing.onto)
+    slid = [each for each in judged_shape(scene, outfit, sheared, "cpu").problems if "slope" in each.figures]
+    assert [each.code.value for each in slid] == ["slid_off"] * (side != "")
+    if side:
+        assert f"slid down on the {side}: its top opening slopes by 28 degrees" in slid[0].message
+        assert set(slid[0].vertices) == set(wearing.top.loop.tolist())

@@ -24,6 +24,9 @@ from warp_cloth.base.topology import triangles_across
 
 SLEEVED = tuple((arm,) for arm in ARMS)  # whom a sleeve is for
 SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most where its waist holds it
+# Slope of the top of what hangs from the waist, from side to side and beyond that of its cut, at which it hangs from
+# one hip: 24 degrees, from the waist on one side down to the buttock on the other.
+LOPSIDED = 0.45
 FAR_TRUNK = 0.08  # of the body's span, from the middle of its openings: the trunk is not where its garment is
 FAR_WAIST = 0.25  # [m] above or below the waist: low trousers and high skirts begin nearer
 BUST = 0.4  # of the way from the waist to the shoulders: strapless tops begin at 0.47 and higher, high waists at 0.07
@@ -178,14 +181,14 @@ class Wearing:
         return self.is_skirt and not self._begins_at_bust
 
     @cached_property
-    def _top(self) -> Opening:
+    def top(self) -> Opening:
         """The opening that is to start highest."""
         return max(self.openings, key=lambda opening: float(self.onto[opening.loop].mean(axis=0) @ self.skeleton.up))
 
     @property
     def _top_over_waist(self) -> float:
         """How far above the waist it is to start [m]."""
-        return float((self.onto[self._top.loop].mean(axis=0) - self.skeleton.waist) @ self.skeleton.up)
+        return float((self.onto[self.top.loop].mean(axis=0) - self.skeleton.waist) @ self.skeleton.up)
 
     @property
     def _begins_at_bust(self) -> bool:
@@ -229,12 +232,21 @@ class Wearing:
 
     def drop(self, points: Points) -> float:
         """How far the opening that starts highest has come down from its place on the body, at ``points`` [m]."""
-        return float((self.onto[self._top.loop] - points[self._top.loop]).mean(axis=0) @ self.skeleton.up)
+        return float((self.onto[self.top.loop] - points[self.top.loop]).mean(axis=0) @ self.skeleton.up)
 
     def sunk(self, points: Points) -> bool:
-        """Whether a garment that hangs from the waist has slid down it, at ``points`` [m]."""
+        """Whether a garment that hangs from the waist has slid down it, or down one side of it, at ``points`` [m]."""
         sunk = min(self.drop(points) - self.above_waist, self._below_crotch(points))
-        return self.hangs_from_waist and sunk > SUNK * self.skeleton.span
+        return self.hangs_from_waist and (sunk > SUNK * self.skeleton.span or self.hangs_from_one_hip(points))
+
+    def hangs_from_one_hip(self, points: Points) -> bool:
+        """Whether the top of a garment that hangs from the waist slopes down to one side, at ``points`` [m]."""
+        return self.hangs_from_waist and abs(self.slope(points)) > LOPSIDED
+
+    def slope(self, points: Points) -> float:
+        """How much the opening that starts highest rises to the left at ``points`` [m], over where it starts."""
+        top, left, up = self.top.loop, self.skeleton.left, self.skeleton.up
+        return _slope(points[top] @ left, points[top] @ up) - _slope(self.onto[top] @ left, self.onto[top] @ up)
 
     def _below_crotch(self, points: Points) -> float:
         """How far the crotch of trousers at ``points`` is below the body's [m]; infinite: it is none."""
@@ -347,3 +359,9 @@ class Wearing:
     def pierced(self, points: Points) -> Limbs:
         """The limbs that the cloth at ``points`` [m] runs through the middle of."""
         return tuple(np.flatnonzero(surface_crossings(points, self.triangles, self.skeleton.curves)).tolist())
+
+
+def _slope(across: Floats, up: Floats) -> float:
+    """The slope of the line of least squares through points of a plane [m], each of shape [N]."""
+    off = across - across.mean()
+    return float(off @ (up - up.mean())) / max(float(off @ off), 1e-12)

@@ -108,9 +108,17 @@ class Ended:
         return self.well and not (self.sunk or self.slipped or self.shown)
 
     @property
+    def came_off(self) -> bool:
+        """Whether it has slid down from the waist whole, and rests there: the limbs may be out of its openings then."""
+        return self.sunk and not self.torn and self.apart and self.status is Status.AT_REST
+
+    @property
     def rank(self) -> tuple[bool, bool, bool, bool, bool, bool, bool, int, int]:
-        """Larger is better; what slid without friction is none of the scene's shapes."""
+        """Larger is better; what slid without friction is none of the scene's shapes.
+
+        What came off tells more than the same on its way there, with the legs still in it.
+        """
         rests = self.status is Status.AT_REST
         finite = self.status is not Status.DIVERGED and not self.attempt.slides
-        placed, held, covers = not self.misplaced, not (self.sunk or self.slipped), not self.shown
+        placed, held, covers = not self.misplaced or self.came_off, not (self.sunk or self.slipped), not self.shown
         return finite, self.well, placed, held, covers, self.apart and rests, self.apart, -self.torn, -self.crossings

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from warp_cloth.anatomy.linking import COVERED
+from warp_cloth.anatomy.linking import COVERED, LOPSIDED
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, skeleton_or_reason
 from warp_cloth.anatomy.trunk_loop import trunk_loop
 from warp_cloth.base.connected import connected_components
@@ -37,7 +37,8 @@ def support_problems(judged: Judged) -> Iterator[FitProblem]:
     """Problems of what holds a garment; of a pinned one only that a piece comes off."""
     lost = None
     if not judged.pinned:
-        lost = unsupported(judged) or fell_off(judged) or slid_off(judged) or slid_down(judged) or off_shoulders(judged)
+        lost = unsupported(judged) or fell_off(judged) or slid_off(judged) or slid_down(judged)
+        lost = lost or hangs_from_one_hip(judged) or off_shoulders(judged)
         yield from too_long(judged)
         if (lost is not None and lost.code is ProblemCode.SLID_OFF) or (judged.strains > TORN).any():
             yield from too_short(judged)
@@ -140,6 +141,24 @@ def slid_down(judged: Judged) -> FitProblem | None:
         judged.name,
         {"slid_mm": 1e3 * (began - ended), "limit_mm": 1e3 * limit},
         vertices=listed(highest.vertices),
+    )
+
+
+def hangs_from_one_hip(judged: Judged) -> FitProblem | None:
+    """A garment whose waist has slid down on one side, from the hip there."""
+    wearing = judged.of.outfit.wearing[judged.index]
+    if wearing is None or judged.of.body is None or not wearing.hangs_from_one_hip(judged.points):
+        return None
+    slope = wearing.slope(judged.points)
+    return FitProblem(
+        ProblemCode.SLID_OFF,
+        f'"{judged.name}" has slid down on the {"right" if slope > 0.0 else "left"}: its top opening slopes by '
+        f"{np.degrees(np.arctan(abs(slope))):.0f} degrees from side to side (limit "
+        f"{np.degrees(np.arctan(LOPSIDED)):.0f}).",
+        "It is too wide to stay up: use a smaller one, or pin some of its vertices.",
+        judged.name,
+        {"slope": abs(slope), "limit": LOPSIDED},
+        vertices=listed(wearing.top.loop),
     )
 
 
