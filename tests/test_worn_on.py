@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 from meshfiles import ball, sheet, write_obj
 from typer.testing import CliRunner, Result
 
+from warp_cloth.anatomy.levels import body_levels
+from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.cli.main import app
 from warp_cloth.fitting.fit import fit
@@ -149,10 +152,26 @@ def test_a_body_as_the_garment_is_told(folder: Path, exchanged: bool) -> None:
         load_outfit(load_scene("body.obj", on=avatar))
 
 
-def test_a_scan_with_holes_as_the_garment_is_told(folder: Path) -> None:
+@pytest.fixture
+def scan(folder: Path) -> Path:
+    """A body with eight holes, one of them below an armpit."""
     body = mannequin(MannequinMeasures())
     middles = body.points[body.triangles].mean(axis=1)
     holes = [np.linalg.norm(middles - point, axis=1) < 0.03 for point in body.points[:: len(body.points) // 8]]
     write_obj(folder / "scan.obj", body.points, body.triangles[~np.any(holes, axis=0)])
+    return folder / "scan.obj"
+
+
+def test_a_scan_with_holes_as_the_garment_is_told(scan: Path) -> None:
     with pytest.raises(InputError, match=r'"scan" is a body: .*; exchange it and "cloth", which is open'):
         load_outfit(load_scene("scan.obj", on="cloth.obj"))
+
+
+def test_a_scan_measures_the_same_in_a_fit_and_by_itself(scan: Path) -> None:
+    outfit = load_outfit(load_scene("cloth.obj", on="scan.obj", overrides={"avatar.units": "m"}))
+    assert outfit.avatar is not None
+    fitted = {level.name: level.girth for level in body_levels(closing_of(outfit.avatar).surface(outfit.avatar)) or ()}
+    assert call("avatar", "scan.obj", "--measures").exit_code == 0
+    alone = json.loads(Path("out/scan_body.json").read_text())["measures_m"]
+    for name in ("chest", "waist", "hip"):
+        assert alone[name] == pytest.approx(fitted[name], abs=1e-3)

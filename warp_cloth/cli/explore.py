@@ -209,11 +209,14 @@ def _understand(
     with output_folder(out, chosen.name):
         start_warp(False)
         from warp_cloth.anatomy.person import understand
+        from warp_cloth.avatar.solid import closing_of
         from warp_cloth.base.device import device_named
         from warp_cloth.export.body_report import body_lines, save_body
 
         where = device_named(device)
-        person = understand(replace(load_avatar(chosen), name=chosen.name))
+        loaded = load_avatar(chosen)
+        # a scan's holes are closed as for a fit: girths across them are the same
+        person = understand(replace(closing_of(loaded).surface(loaded), name=chosen.name))
         return body_lines(person, measures), save_body(person, out, device=where), bool(person.measures)
 
 
