@@ -249,7 +249,7 @@ def avatar_recipe(scene: Scene) -> list[Recipe]:
 
 def _laid_round(scene: Scene, spec: GarmentSpec) -> AvatarSpec | None:
     """The avatar whose shape decides where a garment's panels start; None: it does not."""
-    return scene.avatar if spec.is_drafted else None
+    return scene.avatar if spec.is_laid_round else None
 
 
 def _all_keys(scene: Scene) -> list[GarmentKeys]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 DRAFTED = ".dxf"
 MOST_VERTICES = 2_000_000
 PARTING_ROUNDS = 20
+_ROTATION = rb'"rotation"\s*:\s*\[([^\]]*)\]'
+_DEPTH = rb'"translation"\s*:\s*\[[^\],]*,[^\],]*,\s*([^\]\s]*)\s*\]'
 _EIGHTHS = np.linspace(0.0, 1.0, 9)
 
 
@@ -59,7 +62,12 @@ def read_pattern(path: Path, options: DraftOptions | None = None, figure: Figure
         InputError: the file cannot be read, or states an impossible panel, edge or stitch.
     """
     if not is_drafted(path):
-        return read_specification(str(path), content(path, "pattern"))
+        pattern = read_specification(str(path), content(path, "pattern"))
+        if not pattern.is_unplaced:
+            return pattern
+        from warp_cloth.pattern.laid_out import laid_round
+
+        return laid_round(pattern, figure)
     from warp_cloth.pattern.drafted import drafted_pattern  # thirty modules that a specification does not need
 
     return drafted_pattern(read_drafted(path, options), figure)
@@ -68,6 +76,22 @@ def read_pattern(path: Path, options: DraftOptions | None = None, figure: Figure
 def is_drafted(path: Path) -> bool:
     """Whether a pattern file has pieces alone, without places and seams."""
     return path.suffix.lower() == DRAFTED
+
+
+def may_be_laid_round(path: Path) -> bool:
+    """Whether the body decides where panels start: of a DXF file, or of a specification that places none.
+
+    Of a specification its text decides, without being read: no number of a rotation is other than 0, and no depth of a
+    translation differs from another one.
+    """
+    if is_drafted(path):
+        return True
+    try:
+        text = path.read_bytes()
+    except OSError:
+        return False
+    turned = any(re.search(rb"[1-9]", numbers) for numbers in re.findall(_ROTATION, text))
+    return not turned and len(set(re.findall(_DEPTH, text))) < 2
 
 
 def read_drafted(path: Path, options: DraftOptions | None = None) -> Draft:

@@ -146,6 +146,15 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
     return tuple(_twins(parts)), notes
 
 
+def parts_as_drawn(pieces: Sequence[Piece]) -> tuple[Part, ...]:
+    """A part for each piece, none of them left out, mirrored or opened."""
+    told, _ = told_by_shape(pieces)
+    kinds = {piece.what.kind for piece in told}
+    has_top = not kinds.isdisjoint(TOPS)
+    top = _Top(has_top, "yoke" in kinds and has_top)
+    return tuple(_twins([_part(piece, Stated(), _panelled(told, {}), top) for piece in told]))
+
+
 def _unique(pieces: Sequence[Piece], notes: list[str]) -> list[Piece]:
     """The pieces with names that differ."""
     seen: dict[str, int] = {}

@@ -133,7 +133,7 @@ def _piece(
         darts += [turned(dart, matrix, shift) for dart in darts]
         notes.append("is a half: mirrored at its fold line")
     else:
-        edges, mirror = _halved(edges)
+        edges, mirror = halved(edges)
     if re.search(PLEATED, " ".join((*drawn.texts.values(), *drawn.remarks)).lower()):
         notes.append("its pleats are not folded: what is longer at a seam is gathered")
     if cut.removed or darts:
@@ -275,7 +275,7 @@ def _onto(edges: list[Chain], start: Floats, along: Floats) -> list[Chain]:
     return [Chain(first), *edges[1:-1], Chain(last)] if len(edges) > 1 else [Chain(first)]
 
 
-def _halved(edges: list[Chain]) -> tuple[list[Chain], tuple[int, ...] | None]:
+def halved(edges: list[Chain]) -> tuple[list[Chain], tuple[int, ...] | None]:
     """The edges of a piece that is symmetric about its grain, parted where they cross the middle; else as they are."""
     outline = np.concatenate([edge.points[:-1] for edge in edges])
     middle = 0.5 * float(outline[:, 0].min() + outline[:, 0].max())

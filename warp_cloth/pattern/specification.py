@@ -105,6 +105,13 @@ class Pattern:
     stitches: tuple[Stitch, ...]
     notes: tuple[str, ...] = ()
 
+    @property
+    def is_unplaced(self) -> bool:
+        """Whether it has several panels, all in the plane in which they are drawn, and so is not placed."""
+        depths = [panel.translation[2] for panel in self.panels]
+        drawn = all(panel.wrap is None and np.array_equal(panel.rotation, np.eye(3)) for panel in self.panels)
+        return len(self.panels) > 1 and drawn and len(set(depths)) == 1
+
     def refuse(self, place: str, problem: str, remedy: str) -> NoReturn:
         """Raises InputError with the file, and the panel and edge within it."""
         raise InputError(f"{self.file}: {place}" if place else self.file, problem, remedy)

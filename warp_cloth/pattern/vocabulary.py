@@ -78,13 +78,13 @@ WORDS = (
     ),
     (
         "front",
-        r"front|\bfrt?\b|\bf\b|vord|\bvorn|\bvt\b|voorpand|\bvoor|devant|\bavant|delanter|\bfrente|davanti"
+        r"front|\bftorso|\bfrt?\b|\bf\b|vord|\bvorn|\bvt\b|voorpand|\bvoor|devant|\bavant|delanter|\bfrente|davanti"
         r"|\bdavant|przod|predni|\bpered|полочк|пілочк|перед|\bpolochk|\bon (beden|parca|govde|pantolon|etek|ust)"
         r"|framsty|framst|\bfram\b|forstyk|etukap|\betu|\bqian|前|\bmae|앞|than truoc",
     ),
     (
         "back",
-        r"back|\bbk\b|\bb\b|r(u|ue)ck|\brt\b|\bdos\b|espald|traser|\bcostas\b|dietro|\bretro|hint(er|en)"
+        r"back|\bbtorso|\bbk\b|\bb\b|r(u|ue)ck|\brt\b|\bdos\b|espald|traser|\bcostas\b|dietro|\bretro|hint(er|en)"
         r"|\bht\b|rear|arriere|achter|\btyl|zadni|spink|спинк|зад|\bzad|\barka|baksty|bakst|\bbak\b|bagstyk"
         r"|takakap|\btaka|\bhou(?!se|r)|后|後|\bushiro|뒤|than sau",
     ),

@@ -306,6 +306,15 @@ class GarmentSpec(Wearable):
         return is_drafted(self.pattern)
 
     @property
+    def is_laid_round(self) -> bool:
+        """Whether the body decides where its panels start: no place of them is stated."""
+        if self.pattern is None:
+            return False
+        from warp_cloth.pattern import may_be_laid_round
+
+        return may_be_laid_round(self.pattern)
+
+    @property
     def draft_options(self) -> DraftOptions:
         """What the scene states of a DXF pattern."""
         from warp_cloth.pattern import DraftOptions

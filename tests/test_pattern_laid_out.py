@@ -1,0 +1,76 @@
+"""Specifications that place no panel: laid round the body by their panels' names, their seams as they are stated."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_pattern import panel, specification, topology
+
+from warp_cloth.pattern import load_pattern, may_be_laid_round
+
+EDGE = 0.02  # [m]
+CORNERS = [[-26, 0], [26, 0], [26, 44], [21, 66], [8, 70], [-8, 70], [-21, 66], [-26, 44]]
+SIDES, SHOULDERS = (1, 7), (3, 5)  # numbers of edges, right before left as drawn
+
+
+def top(neck: float, mirrored: bool = False) -> dict[str, Any]:
+    """A front or back with hollow armholes and neck; ``mirrored``: as seen from the other side, so clockwise."""
+    curves = {2: [[0.45, 0.22]], 4: [[0.05, neck], [0.95, neck]], 6: [[0.55, 0.22]]}
+    kinds = {1: "quadratic", 2: "cubic"}
+    edges: list[dict[str, Any]] = [{"endpoints": [k, (k + 1) % 8]} for k in range(8)]
+    for k, params in curves.items():
+        params = [[x, -y] for x, y in params] if mirrored else params
+        edges[k]["curvature"] = {"type": kinds[len(params)], "params": params}
+    return panel([[-x, y] for x, y in CORNERS] if mirrored else CORNERS, edges=edges)
+
+
+def seams(is_crossed: bool) -> list[tuple[str, int, str, int]]:
+    """Sides and shoulders; ``is_crossed``: what is right on one drawing is left on the other."""
+    mates = [(one, other[::-1] if is_crossed else other) for one, other in ((SIDES, SIDES), (SHOULDERS, SHOULDERS))]
+    return [("front", a, "back", b) for one, other in mates for a, b in zip(one, other, strict=True)]
+
+
+def written(path: Path, panels: dict[str, Any], stitches: list[Any]) -> Path:
+    path.write_bytes(specification(panels, stitches))
+    return path
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("is_crossed", [False, True])
+def test_a_top_is_laid_round_the_trunk(is_crossed: bool, mirrored: bool, tmp_path: Path) -> None:
+    """Whether its back is drawn from outside or as seen through the front, and whichever way its loop runs."""
+    panels = {"front": top(0.5), "back": top(0.15, mirrored)}
+    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, seams(is_crossed)), edge=EDGE)
+    assert topology(mesh) == (4, -2)
+    assert any("laid round the body" in note for note in mesh.notes)
+    front, back = (mesh.points[np.unique(mesh.triangles[mesh.panels == k])] for k in (0, 1))
+    assert front[:, 2].mean() > 0.05 > -0.05 > back[:, 2].mean()
+    assert 1.2 < front[:, 1].max() < 1.6  # at the shoulders of a usual person
+    normals = np.cross(*(mesh.points[mesh.triangles[:, k]] - mesh.points[mesh.triangles[:, 0]] for k in (1, 2)))
+    assert normals[mesh.panels == 0, 2].sum() * normals[mesh.panels == 1, 2].sum() < 0.0
+
+
+def test_what_names_do_not_tell_starts_as_it_is_drawn(tmp_path: Path) -> None:
+    panels = {"a": panel([[0, 0], [30, 0], [30, 30], [0, 30]]), "b": panel([[0, 0], [30, 0], [30, 30], [0, 30]])}
+    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, [("a", 1, "b", 3)]), edge=EDGE)
+    assert not any("laid round" in note for note in mesh.notes)
+    assert np.ptp(mesh.points[:, 2]) == 0.0
+
+
+def test_a_placed_specification_needs_no_body(tmp_path: Path) -> None:
+    """Told by its text alone, as thousands are read."""
+    panels = {"front": top(0.5), "back": top(0.15)}
+    bare = written(tmp_path / "bare.json", panels, seams(True))
+    assert may_be_laid_round(bare)
+    moved = {**panels, "back": {**panels["back"], "translation": [0.0, 0.0, -20.5]}}
+    assert not may_be_laid_round(written(tmp_path / "moved.json", moved, seams(True)))
+    turned = json.loads(bare.read_text())
+    turned["pattern"]["panels"]["back"]["rotation"] = [0, 180.0, 0]
+    (tmp_path / "turned.json").write_text(json.dumps(turned, indent=2))
+    assert not may_be_laid_round(tmp_path / "turned.json")
+    assert may_be_laid_round(tmp_path / "x.dxf")
+    assert not may_be_laid_round(tmp_path / "is_not_there.json")

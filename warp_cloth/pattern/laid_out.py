@@ -1,0 +1,167 @@
+"""A specification that places no panel: laid round the body, by what its panels' names say, as a DXF file's pieces are.
+
+Its stitches are stated, and so tell how panels of the back are drawn: seen from outside, as those of DXF files are, or
+from the front, as GarmentCode draws all of them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from warp_cloth.pattern.chain import Chain
+from warp_cloth.pattern.curve import Curve, Floats
+from warp_cloth.pattern.draft import STRIPS, Part, parts_as_drawn
+from warp_cloth.pattern.figure import Figure, figure_of
+from warp_cloth.pattern.joints import Joint
+from warp_cloth.pattern.kinds import Named, named_all, plain
+from warp_cloth.pattern.piece import Piece
+from warp_cloth.pattern.pieces import halved
+from warp_cloth.pattern.placing import wraps_of
+from warp_cloth.pattern.specification import Edge, Panel, Pattern, Side, Stitch
+from warp_cloth.pattern.vocabulary import WORDS
+from warp_cloth.pattern.wrap import Wrap
+
+POINTS = 33  # of a curve, when shapes are compared
+KNOWN = 0.9  # of the cloth's area, that is to be of kinds which are known, and shaped as these are
+SURELY = 1.05  # over how far ends are the other way, from which a panel is not what it is taken for
+_BACK = dict(WORDS)["back"]
+MIRROR = np.array([-1.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Laid:
+    """A pattern laid round a figure, and how far apart the ends of its stitches then are, in the mean [m]."""
+
+    pattern: Pattern
+    apart: float
+
+
+def laid_round(pattern: Pattern, figure: Figure | None) -> Pattern:
+    """The pattern, its panels laid round a figure (None: a usual one) where it places none; else as it is."""
+    if not pattern.is_unplaced:
+        return pattern
+    figure = figure or figure_of(None)
+    ways = [laid for behind in (False, True) if (laid := _laid(pattern, figure, behind)) is not None]
+    if not ways:
+        return pattern
+    best = min(ways, key=lambda laid: laid.apart)
+    nobody = "; no person is there: a figure of 1.70 m" if figure.is_nominal else ""
+    note = f"no panel is placed: laid round the body by their names and shapes{nobody}"
+    kept = [told for told in pattern.notes if not told.endswith("starts at the origin")]
+    return replace(best.pattern, notes=(*kept, note))
+
+
+def _laid(pattern: Pattern, figure: Figure, behind: bool) -> _Laid | None:
+    """The pattern laid round a figure; ``behind``: panels of the back are drawn as seen through the front."""
+    names = [panel.name for panel in pattern.panels]
+    kinds = named_all([(name, "", "") for name in names])
+    flips = [behind and bool(re.search(_BACK, plain(re.sub(r"[\W\d_]+", " ", name)))) for name in names]
+    panels = [_outside(panel, flip) for panel, flip in zip(pattern.panels, flips, strict=True)]
+    turned = [one is not other for one, other in zip(panels, pattern.panels, strict=True)]
+    stitches = tuple(replace(stitch, sides=_renumbered(stitch, panels, turned)) for stitch in pattern.stitches)
+    drawn = [_piece(panel, what, flip) for panel, what, flip in zip(panels, kinds, flips, strict=True)]
+    count = Counter((what.kind, what.side) for what in kinds if what.kind in STRIPS)
+    bands = [count[piece.what.kind, piece.what.side] > 1 for piece, _ in drawn]  # of several pieces: led by their seams
+    pieces = [replace(piece, what=Named()) if led else piece for (piece, _), led in zip(drawn, bands, strict=True)]
+    parts = parts_as_drawn(pieces)
+    shared = Counter((part.kind, part.side) for part in parts if part.roles and part.kind not in STRIPS)
+    if max(shared.values(), default=0) > 1:  # two of them would lie in one place
+        return None
+    if any(len(part.edges) != len(piece.edges) for part, (piece, _) in zip(parts, drawn, strict=True)):
+        return None
+    areas = np.array([abs(panel.area) for panel in panels])
+    if areas[[bool(part.roles) for part in parts]].sum() < KNOWN * areas.sum():
+        return None
+    places = [places for _, places in drawn]
+    joints = [_joint(stitch, places, flips) for stitch in stitches]
+    try:
+        wraps = wraps_of(parts, joints, figure)
+    except np.linalg.LinAlgError:  # a part so narrow that it leads nowhere
+        return None
+    laid = [
+        replace(panel, wrap=_of_panel(wrap, part, piece, flip))
+        for panel, wrap, part, (piece, _), flip in zip(panels, wraps, parts, drawn, flips, strict=True)
+    ]
+    whole = replace(pattern, panels=tuple(laid), stitches=stitches)
+    apart = _apart(whole)
+    return _Laid(whole, apart) if np.isfinite(apart) else None
+
+
+def _outside(panel: Panel, flip: bool) -> Panel:
+    """The panel, its loop as it runs counter-clockwise seen from outside; ``flip``: drawn as seen from inside."""
+    if (panel.area > 0.0) != flip:
+        return panel
+    return replace(panel, edges=tuple(Edge(edge.number, edge.curve.reversed) for edge in panel.edges[::-1]))
+
+
+def _renumbered(stitch: Stitch, panels: Sequence[Panel], turned: Sequence[bool]) -> tuple[Side, Side]:
+    one, other = (
+        Side(side.panel, len(panels[side.panel].edges) - 1 - side.edge) if turned[side.panel] else side
+        for side in stitch.sides
+    )
+    return one, other
+
+
+def _piece(panel: Panel, what: Named, flip: bool) -> tuple[Piece, list[list[int]]]:
+    """The panel as a piece seen from outside, counter-clockwise, and which of its edges each edge of the panel became.
+
+    Those of a symmetric piece are parted in the middle.
+    """
+    whole = [_chain(edge.curve, flip) for edge in panel.edges]
+    edges, mirror = halved(whole)
+    places: list[list[int]] = []
+    at = 0
+    for edge in whole:
+        steps = 1 if np.array_equal(edges[at].end, edge.end) else 2
+        places.append([*range(at, at + steps)])
+        at += steps
+    none = np.zeros((0, 2))
+    return Piece(panel.name, "", (1, 0), tuple(edges), mirror, none, (), (), (), (), what), places
+
+
+def _chain(curve: Curve, flip: bool) -> Chain:
+    points = curve.at(np.linspace(0.0, 1.0, 2 if curve.is_line else POINTS))
+    points[0], points[-1] = curve.start, curve.end
+    return Chain(points * MIRROR if flip else points)
+
+
+def _joint(stitch: Stitch, places: Sequence[list[list[int]]], flips: Sequence[bool]) -> Joint:
+    one, other = ([Side(side.panel, k) for k in places[side.panel][side.edge]] for side in stitch.sides)
+    return Joint(tuple(one), tuple(other[::-1]), is_layer=stitch.is_layer)
+
+
+def _of_panel(wrap: Wrap, part: Part, piece: Piece, flip: bool) -> Wrap:
+    """A part's wrap, for the panel as drawn: the part may be turned by half, and mirrored."""
+    upright = float(np.abs(part.edges[0].points - piece.edges[0].points).max()) < 1e-9
+    along = wrap.along if upright else -wrap.along
+    if not flip:
+        return replace(wrap, along=along)
+    # seen from the other side x runs the other way: (x, y) of the panel is (-x, y) of the piece
+    return replace(wrap, along=along * MIRROR, centre=-wrap.centre, across=-wrap.across)
+
+
+def _apart(pattern: Pattern) -> float:
+    """How far apart the ends of stitched edges start in the mean [m]; infinite where they are nearer the other way.
+
+    All loops run counter-clockwise as seen from outside, so that edges that are sewn run against each other, if each
+    panel is what it is taken for.
+    """
+    found = []
+    for stitch in pattern.stitches:
+        one, other = (_ends(pattern, side) for side in stitch.sides)
+        against, along = (float(np.linalg.norm(one - ends, axis=1).mean()) for ends in (other[::-1], other))
+        if not stitch.right_to_wrong and against > SURELY * along:
+            return np.inf
+        found.append(min(against, along))
+    return float(np.mean(found)) if found else 0.0
+
+
+def _ends(pattern: Pattern, side: Side) -> Floats:
+    panel = pattern.panels[side.panel]
+    curve = panel.edges[side.edge].curve
+    return panel.placed(np.stack([curve.start, curve.end]))
