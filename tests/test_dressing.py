@@ -21,6 +21,7 @@ from warp_cloth.contact.sheets import sheets_of
 from warp_cloth.dressing.free_space import FreeSpace
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
+from warp_cloth.fitting.dresser import Dresser
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import build_problem
 from warp_cloth.garment.outfit import Outfit, load_outfit
@@ -158,6 +159,29 @@ def test_a_circle_skirt_that_starts_round_the_arms_hangs_from_the_waist(tmp_path
     hem, waist = wearing.openings
     assert np.ptp(points[hem.loop], axis=0)[0] < 0.75 * np.ptp(wearing.start[hem.loop], axis=0)[0]
     assert points[waist.loop, 1].mean() - points[hem.loop, 1].mean() > 0.42  # of 0.5 along the cloth
+
+
+def test_a_skirt_whose_waist_holds_nothing_falls_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its waist is 1.4 m around, so that it falls as a whole: in as long its hem was 0.33 m below the waist."""
+    monkeypatch.setattr("warp_cloth.fitting.dresser.FALLING", 600)
+    write_circle_skirt(tmp_path / "skirt.obj", girth=1.4, waist=1.0, half=np.radians(80.0), rows=6, columns=9)
+    scene = load_scene(
+        {
+            "garment": {"mesh": str(tmp_path / "skirt.obj"), "units": "m"},
+            "avatar": {"shape": {"kind": "mannequin"}},
+            "collision": {"pixel_mm": 6.0},
+        }
+    )
+    dresser = Dresser(scene, load_outfit(scene), "cpu", 0.003, StageClock(), lifted=False, watching=False)
+    dresser.sew()
+    dresser.lift()
+    dresser.grow(4, posed=1.0)
+    assert dresser.in_the_way
+    dresser.fall()
+    assert not dresser.in_the_way
+    shape, (hem, waist) = dresser.ended().points, dresser.wearing.openings
+    assert shape is not None
+    assert shape[waist.loop, 1].mean() - shape[hem.loop, 1].mean() > 0.5
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ While it is posed the avatar is thin within the garment; it grows on the way.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -57,7 +57,8 @@ LOWERING_STEPS = 40  # in which a garment that starts above the shoulders comes 
 GROWTH = 2.0  # exponent of the thickness over the steps: slow while limbs move
 GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
 HEAVY = 3000.0  # weight of cloth that falls, over that of sewn cloth: 10 kg/m2 stretches by less than 1 %
-FALLING = 3000  # iterations at most
+FALLING = 3000  # iterations at most; as many again with the top held
+HELD = 0.25  # [m] from the top in the cloth, up to which that is held
 SLOW = 0.01  # [m] in CHECK iterations
 SHORTEST = 1.0 / 32.0  # part of a step in which limbs move, where they come upon cloth
 
@@ -208,19 +209,37 @@ class Dresser:
             self._follow(self._body.between(self._last_pose, low, left / steps), THICK)
 
     def fall(self) -> None:
-        """Lets the garment hang, under a weight that makes it fall fast, until it is out of the arms' way and slow."""
+        """Lets the garment hang, under a weight that makes it fall fast, until it is out of the arms' way and slow.
+
+        What hangs from a waist too wide to hold it falls as a whole, so that its hem comes no lower under its top: then
+        the top is held.
+        """
         self._set_weight(HEAVY)
+        hangs = self.wearing.hangs_from_waist
+        if not self._has_fallen(self.lift if hangs else None) and hangs:
+            self._has_fallen(self._hold_top)
+        self._set_weight(1.0)
+
+    def _has_fallen(self, after: Callable[[], None] | None) -> bool:
+        """Whether it hangs out of the arms' way, and slow, within FALLING iterations; ``after`` each CHECK of them."""
         before = self._points
         for _ in range(0, FALLING, CHECK):
             self._relax(CHECK)
-            if self.wearing.hangs_from_waist:
-                self.lift()
+            if after is not None:
+                after()
             points = self._points
             slow = float(((before - points) @ self.wearing.skeleton.up).max()) < SLOW
             if slow and not self.in_the_way:
-                break
+                return True
             before = points
-        self._set_weight(1.0)
+        return False
+
+    def _hold_top(self) -> None:
+        """Moves the opening that starts highest to where it started, and the cloth next to it along."""
+        near = np.clip(1.0 - self.wearing.top.distances / HELD, 0.0, 1.0)
+        rise = near * self.wearing.drop(self._points)
+        self._problem.model.set_points(self._points + rise[:, None] * self.wearing.skeleton.up)
+        self._meet_body()
 
     def grow(self, steps: int, *, posed: float) -> None:
         """Lets the body grow where ``posed`` has it, in steps of a burst each."""
