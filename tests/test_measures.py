@@ -51,7 +51,7 @@ def floor(half: float) -> Mesh:
 
 def test_a_floor_or_another_person_is_left_out() -> None:
     """A floor has more area than the person on it."""
-    person = understand(mannequin(KNOWN, edge=0.02))
+    person = understand(mannequin(KNOWN, edge=0.015))
     beside = Mesh("other", person.body.points + np.array([1.6, 0.0, 0.0]), person.body.triangles)
     for further in (floor(2.0), beside):
         found = understand(joined(further, person.body))

@@ -211,7 +211,7 @@ def build_problem(
     clock.lap("build")
     clock.begin("compile")
     relaxation, certifier = problem.relaxation, problem.certifier
-    kernels = relaxation.kernels() + relaxation.seldom_kernels() + certifier.kernels()
+    kernels = [relaxation.slowest_to_compile, *relaxation.kernels(), *relaxation.seldom_kernels(), *certifier.kernels()]
     if not kernels_known(device):
         kernels += strain_kernels(problem.model.precision, problem.model.terms)
     load_modules([kernel.module for kernel in kernels], device)

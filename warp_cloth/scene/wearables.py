@@ -308,11 +308,9 @@ class GarmentSpec(Wearable):
     @property
     def is_laid_round(self) -> bool:
         """Whether the body decides where its panels start: no place of them is stated."""
-        if self.pattern is None:
-            return False
         from warp_cloth.pattern import may_be_laid_round
 
-        return may_be_laid_round(self.pattern)
+        return self.pattern is not None and may_be_laid_round(self.pattern)
 
     @property
     def draft_options(self) -> DraftOptions:

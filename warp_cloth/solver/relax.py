@@ -245,7 +245,12 @@ class Relaxation:
         scattering = [] if self._scatter is None else self._scatter.kernels()
         moving = [self._move] if self._packed is None else self._packed.kernels(self._move)
         sharing = [] if self._together is None else self._together.kernels()
-        return [*moving, *scattering, *touching, *sharing]  # a move takes the longest to compile
+        return [*scattering, *touching, *moving, *sharing]
+
+    @property
+    def slowest_to_compile(self) -> wp.Kernel:
+        """The kernel whose compiling should begin first."""
+        return self._move
 
     def seldom_kernels(self) -> list[wp.Kernel]:
         """The kernels that some iterations of loose cloth launch besides; they must be loaded, too."""
