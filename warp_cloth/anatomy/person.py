@@ -38,6 +38,8 @@ def understand(body: Mesh) -> Person:
 
 def _left_out(body: Mesh, skeleton: Skeleton) -> tuple[str, ...]:
     """A note where large parts reach out of the one that has the limbs: another person, a floor, a third arm."""
+    if skeleton.own.all():
+        return ()
     own = body.points[skeleton.own]
     low, high = own.min(axis=0) - OUT * skeleton.span, own.max(axis=0) + OUT * skeleton.span
     edges = mesh_edges(body.triangles, body.vertex_count)

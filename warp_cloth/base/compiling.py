@@ -45,7 +45,7 @@ def load_modules(modules: Sequence[Any], device: str) -> None:
 def in_blocks(kernel: Any, threads: int) -> Any:
     """A kernel in a module of its own that a GPU launches in blocks of so many threads; it is compiled for those.
 
-    Warp compiles a kernel anew for every size of block (1.19), and by default for 256 threads.
+    Warp (1.19) compiles a kernel again for every size of block, and by default for 256 threads.
     """
     kernel.module.options["block_dim"] = threads
     return kernel

@@ -62,26 +62,6 @@ class _Stencil:
     flags: NDArray[np.bool_]  # which rows, shape [rows]
 
 
-@dataclass(frozen=True, eq=False)
-class _Product:
-    """SciPy's product of a CSR matrix with vectors, without what `csr_array` decides at each: 10 us of 30."""
-
-    shape: tuple[int, int]
-    starts: NDArray[np.int32]
-    columns: NDArray[np.int32]
-    factors: Floats
-    tools: Any  # scipy.sparse._sparsetools
-
-    def __call__(self, values: Floats) -> Floats:
-        summed = np.zeros((self.shape[0], *values.shape[1:]))
-        parts = self.starts, self.columns, self.factors
-        if values.ndim == 1:
-            self.tools.csr_matvec(*self.shape, *parts, values, summed)
-        else:
-            self.tools.csr_matvecs(*self.shape, values.shape[1], *parts, values.ravel(), summed.ravel())
-        return summed
-
-
 class RowSums:
     """Sums over the entries of every row."""
 
@@ -121,20 +101,20 @@ class RowSums:
         self._entries = self._entries_of(self._long)
         del self._column, self._factors
 
-    def _csr_products(self) -> dict[int, _Product] | None:
-        """SciPy's product for each chunk, by its first row; None where it is not imported, or would give other bits."""
-        tools = getattr(sys.modules.get("scipy.sparse"), "_sparsetools", None)
-        if not (hasattr(tools, "csr_matvec") and hasattr(tools, "csr_matvecs") and self._width):
+    def _csr_products(self) -> dict[int, Any] | None:
+        """SciPy's matrix for each chunk, by its first row; None where it is not imported, or would give other bits."""
+        sparse = sys.modules.get("scipy.sparse")
+        if sparse is None or not hasattr(sparse, "csr_array") or not self._width:
             return None
-        if self._factors is not None and _is_fused(tools):
+        if self._factors is not None and _is_fused(sparse.csr_array):
             return None
 
-        def matrix(chunk: slice) -> tuple[int, _Product]:
+        def matrix(chunk: slice) -> tuple[int, Any]:
             first, end = self._start[chunk.start], self._start[chunk.stop]
             start, columns = self._start[chunk.start : chunk.stop + 1] - first, self._column[first:end]
             factors = np.ones(len(columns)) if self._factors is None else self._factors[first:end]
-            shape = chunk.stop - chunk.start, self._width
-            return chunk.start, _Product(shape, start.astype(np.int32), columns.astype(np.int32), factors, tools)
+            parts = (factors, columns.astype(np.int32), start.astype(np.int32))
+            return chunk.start, sparse.csr_array(parts, shape=(chunk.stop - chunk.start, self._width))
 
         return dict(map_chunks(matrix, self.count))
 
@@ -189,8 +169,7 @@ class RowSums:
         """Calls ``use(chunk, sums)`` for chunk after chunk of the rows."""
         products = self._products
         if products is not None:
-            values = np.ascontiguousarray(values[: self._width], dtype=float)
-            map_chunks(lambda chunk: use(chunk, products[chunk.start](values)), self.count)
+            map_chunks(lambda chunk: use(chunk, products[chunk.start] @ values[: self._width]), self.count)
             return
         long = self._long_sums(values)
 
@@ -235,10 +214,8 @@ def _per_row(each: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
 
 
 @functools.cache
-def _is_fused(tools: Any) -> bool:
+def _is_fused(csr_array: type[Any]) -> bool:
     """Whether a product of SciPy's rounds each product with its sum only, unlike NumPy, so that bits differ."""
     number = 1.0 + 2.0**-30
-    starts, columns = np.array([0, 2], dtype=np.int32), np.array([0, 1], dtype=np.int32)
-    product = _Product((1, 2), starts, columns, np.array([-1.0, number]), tools)
-    one = np.array([number * number, number])
-    return bool(product(one)[0] != 0.0 or product(np.repeat(one[:, None], 8, axis=1)).any())
+    matrix, one = csr_array(([-1.0, number], [0, 1], [0, 2]), shape=(1, 2)), np.array([number * number, number])
+    return bool((matrix @ one).any() or (matrix @ np.repeat(one[:, None], 8, axis=1)).any())

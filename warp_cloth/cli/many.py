@@ -138,8 +138,7 @@ def sizes(
             progress=lambda name: typer.echo(f"fitting {name}", err=True),
         )
         paths = run.save(out, made=made())
-    for each in run.sizes:
-        say([f"{each.size:<4} {each.verdict.words:<16} {each.figures}"])
-    say([run.advice, *wrote_rows(paths)])
+    rows = [f"{each.size:<4} {each.verdict.words:<16} {each.figures}" for each in run.sizes]
+    say([*rows, run.advice, *wrote_rows(paths)])
     if all(each.status == "invalid" for each in run.sizes):
         raise typer.Exit(BAD_INPUT)

@@ -101,7 +101,7 @@ def _is_live(place: Path) -> bool:
         line.settimeout(PATIENCE)
         try:
             line.connect(str(place))
-        except (BlockingIOError, TimeoutError):  # so many wait for it
+        except (BlockingIOError, TimeoutError):  # too many wait for it already
             return True
         except OSError:
             return False

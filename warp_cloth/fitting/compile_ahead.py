@@ -30,10 +30,10 @@ def compile_ahead(scene: Scene, device: str, clock: StageClock) -> None:
     modules = [*own, wp.get_module(crossing.__name__), *picture_modules()]
     if gpu:
         clock.begin("compile")
-        with ThreadPoolExecutor(1) as beside:
-            compiled = beside.submit(load_modules, host, "cpu")
+        with ThreadPoolExecutor(1) as thread:  # meanwhile
+            of_host = thread.submit(load_modules, host, "cpu")
             load_modules(modules, device)
-            compiled.result()
+            of_host.result()
     else:
         with keeping_kernels():
             compile_for_cpu([*host, *modules], on_begin=lambda: clock.begin("compile"))

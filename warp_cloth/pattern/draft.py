@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -113,7 +113,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
     panelled = _panelled(pieces, stated)
     places = {piece.name: stated.get(piece.name, Stated()).place for piece in pieces}
     kinds = {PLACES[place][0] if (place := places[piece.name]) else piece.what.kind for piece in pieces}
-    top = _Top(not kinds.isdisjoint(TOPS), "yoke" in kinds and not kinds.isdisjoint(TOPS))
+    top = _top_of(kinds)
     for piece in _unique(pieces, notes):
         said = stated.get(piece.name, Stated())
         part = _part(piece, said, panelled, top)
@@ -149,10 +149,13 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
 def parts_as_drawn(pieces: Sequence[Piece]) -> tuple[Part, ...]:
     """A part for each piece, none of them left out, mirrored or opened."""
     told, _ = told_by_shape(pieces)
-    kinds = {piece.what.kind for piece in told}
+    top, panelled = _top_of({piece.what.kind for piece in told}), _panelled(told, {})
+    return tuple(_twins([_part(piece, Stated(), panelled, top) for piece in told]))
+
+
+def _top_of(kinds: Set[str]) -> _Top:
     has_top = not kinds.isdisjoint(TOPS)
-    top = _Top(has_top, "yoke" in kinds and has_top)
-    return tuple(_twins([_part(piece, Stated(), _panelled(told, {}), top) for piece in told]))
+    return _Top(has_top, "yoke" in kinds and has_top)
 
 
 def _unique(pieces: Sequence[Piece], notes: list[str]) -> list[Piece]:

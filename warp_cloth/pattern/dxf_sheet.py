@@ -29,7 +29,7 @@ LINED = 0.6  # of the area, from which a loop within an outline is its sew line
 # Of an outline's area, which several loops within it fill where it is a sheet's frame
 FRAMED_RECTANGLE, FRAMED_OTHER = 0.1, 0.4
 SQUARE = 1e-3  # of its extent, to which a frame is a rectangle
-DOT = 1e-3  # of the largest outline's area, under which an outline beside it is a button or a mark
+DOT = 1e-3  # of the largest outline's area, under which one outside all others is a button or a mark
 
 
 def sheet_pieces(entities: list[Any]) -> tuple[list[Drawn], list[str]]:

@@ -42,9 +42,7 @@ class _Laid:
 
 
 def laid_round(pattern: Pattern, figure: Figure | None) -> Pattern:
-    """The pattern, its panels laid round a figure (None: a usual one) where it places none; else as it is."""
-    if not pattern.is_unplaced:
-        return pattern
+    """A pattern that places no panel, laid round a figure (None: a usual one); as it is where names do not tell how."""
     figure = figure or figure_of(None)
     ways = [laid for behind in (False, True) if (laid := _laid(pattern, figure, behind)) is not None]
     if not ways:
@@ -78,7 +76,7 @@ def _laid(pattern: Pattern, figure: Figure, behind: bool) -> _Laid | None:
     if areas[[bool(part.roles) for part in parts]].sum() < KNOWN * areas.sum():
         return None
     places = [places for _, places in drawn]
-    joints = [_joint(stitch, places, flips) for stitch in stitches]
+    joints = [_joint(stitch, places) for stitch in stitches]
     try:
         wraps = wraps_of(parts, joints, figure)
     except np.linalg.LinAlgError:  # a part so narrow that it leads nowhere
@@ -130,7 +128,7 @@ def _chain(curve: Curve, flip: bool) -> Chain:
     return Chain(points * MIRROR if flip else points)
 
 
-def _joint(stitch: Stitch, places: Sequence[list[list[int]]], flips: Sequence[bool]) -> Joint:
+def _joint(stitch: Stitch, places: Sequence[list[list[int]]]) -> Joint:
     one, other = ([Side(side.panel, k) for k in places[side.panel][side.edge]] for side in stitch.sides)
     return Joint(tuple(one), tuple(other[::-1]), is_layer=stitch.is_layer)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterable
 from pathlib import Path
@@ -31,7 +32,7 @@ def folded(line: str, width: int) -> list[str]:
     if len(line) <= width or line.startswith(row(WROTE, "")):
         return [line]
     indent = len(line) - len(line.lstrip()) + 2
-    if line.startswith("  ") and line[:INDENT][-1:] == " " and line[2:3].strip() and line[INDENT : INDENT + 1].strip():
+    if re.match(rf"  \S.{{{LABEL - 1}}} \S", line):
         indent = INDENT
     return textwrap.wrap(
         line, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False, expand_tabs=False

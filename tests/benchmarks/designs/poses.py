@@ -4,7 +4,7 @@
 
 --bodies holds NAME.obj of ``bodies/make.py``. The shipped T-shirt and trousers go on each pose in ``POSES``; with
 --designs so do a shirt and trousers out of the random designs, box meshes both. Prints for each fit whether it is
-worn, and of which problems it is told; with --keep its pictures and report stay in --out/NAME.
+worn, and its problems; with --keep its pictures and report stay in --out/NAME.
 """
 
 from __future__ import annotations
