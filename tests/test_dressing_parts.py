@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -19,6 +20,7 @@ from warp_cloth.dressing.loose_cloth import met
 from warp_cloth.dressing.panels import CLOSED, legs_parted, skirt_closed
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import Route, _is_armhole, _turned_up, curves_of
+from warp_cloth.fitting import posed_start
 
 SHOULDER = np.array([0.2, 1.4, 0.0])
 
@@ -283,3 +285,24 @@ def test_what_has_legs_and_a_neckline_is_no_trousers() -> None:
     jumpsuit = replace(wearing, openings=(*wearing.openings, wearing.openings[0]), limbs=(*wearing.limbs, (HEAD,)))
     assert jumpsuit.has_legs
     assert not jumpsuit.is_trousers
+
+
+@pytest.mark.parametrize("crosses", [False, True])
+def test_what_crosses_on_a_body_that_has_grown_again_is_pressed_out_from_where_it_lay_thin(
+    monkeypatch: pytest.MonkeyPatch, crosses: bool
+) -> None:
+    """Two sheets that a growing crease has drawn through each other: the first way is undone, not gone on with."""
+    thin, done = np.zeros((3, 3)), []
+
+    class Growing:
+        def __init__(self, *_given: object, **_more: object) -> None:
+            self.points, self.crosses = thin, crosses
+
+        def __getattr__(self, name: str) -> Callable[..., None]:
+            return lambda *given, **_more: done.append((name, *given))
+
+    monkeypatch.setattr(posed_start, "Dresser", Growing)
+    posed_start._untangled(posed_start._Lone(*([None] * 5)), thin)  # type: ignore[arg-type]
+    names = [name for name, *_ in done]
+    assert names == ["untangle", "grow", "come_home", *(["press_out"] if crosses else []), "ended"]
+    assert not crosses or done[-2][1] is thin

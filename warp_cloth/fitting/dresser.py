@@ -246,6 +246,24 @@ class Dresser:
         for step in range(1, steps + 1):
             self._take(posed, _thickness(step / steps))
 
+    def press_out(self, thin: Points) -> None:
+        """Grows at home again from cloth that lay untangled on the thin body [m], and presses it out without moving it.
+
+        Cloth between a thigh and a belly would go along with each of them through what lies between. What is pressed
+        onto one surface from several layers crosses for a moment, so it is untangled all along.
+        """
+        home = self._body.home
+        self._problem.model.set_points(thin)
+        for step in range(1, STEPS + 2):
+            thickness = _thickness(step / STEPS) if step <= STEPS else np.inf
+            self._curves, self._thickness = home, min(thickness, THICK)
+            self._surface, self._slid = self._body.points(home, thickness), self._body.slid(home)
+            self._meet_body()
+            if self._problem.schedule is not None:
+                self._problem.schedule.untangle()
+            self._relax(BURST)
+            catch_up(self._pulled, partial(self._relax, BURST))
+
     def carry_home(self, steps: int, *, is_grown: bool = False) -> None:
         """Takes the body home, growing if it has not grown yet, in bursts, but for the limbs that come home last."""
         for step in range(1, steps):
@@ -330,6 +348,16 @@ class Dresser:
         is_finite = bool(np.isfinite(points).all())
         run = LevelRun(len(points), self._iterations, Status.ITERATION_LIMIT if is_finite else Status.DIVERGED)
         return PosedStart(points if is_finite else None, run, tuple(self._shapes or ()))
+
+    @property
+    def crosses(self) -> bool:
+        """Whether cloth passes through cloth now."""
+        return bool(self._problem.crossing_items([0]))
+
+    @property
+    def points(self) -> Points:
+        """Where the garment lies now [m], shape [V, 3]."""
+        return self._points
 
     @property
     def _points(self) -> Points:

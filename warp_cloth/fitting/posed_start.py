@@ -128,6 +128,9 @@ def _carry(dresser: Dresser, lifted: bool) -> None:
 def _untangled(lone: _Lone, worn: Points) -> PosedStart:
     dresser = Dresser(*lone, lifted=False, watching=False, worn=worn)
     dresser.untangle()
+    thin = dresser.points
     dresser.grow(GROWING_STEPS, posed=0.0)
     dresser.come_home()
+    if dresser.crosses and np.isfinite(thin).all():
+        dresser.press_out(thin)
     return dresser.ended()

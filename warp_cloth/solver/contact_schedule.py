@@ -69,6 +69,12 @@ class ContactSchedule:
         if cloth_contact.untangles or iteration % CHECK_EVERY == 0:
             cloth_contact.read_crossings(self._relaxation.contact_state())
 
+    def untangle(self) -> None:
+        """Undoes crossings from now on, until there are none: something has moved cloth through cloth."""
+        if self._cloth_contact.awake and not self._cloth_contact.untangles:
+            self._cloth_contact.untangles = True
+            self._relaxation.drop_graphs()
+
     def restore(self) -> None:
         """Restores contact as it was at the last request."""
         self._cloth_contact.restore_pairs()
