@@ -189,6 +189,16 @@ def test_a_body_is_not_thinned_for_cloth_that_is_torn_or_where_nothing_crosses()
         assert following_it is None or not following_it.thins
 
 
+def test_what_was_dressed_and_tore_as_it_crossed_is_untangled_once_all_else_is_tried() -> None:
+    posed = replace(first("tshirt", *SMALL_SHIRT), posed=True)
+    history = [Ended(posed, LIMIT, 9, VERTICES, torn=1, cut_short=CutShort.CROSSING)]
+    while (attempt := following(*history)) is not None and not attempt.thins:
+        history.append(Ended(attempt, LIMIT, 99, VERTICES, torn=9, misplaced=True))
+    assert attempt is not None
+    assert (attempt.begins_after, history[-1].attempt.lifted) == (0, True)
+    assert following(*history, Ended(attempt, LIMIT, 9, VERTICES)) is None
+
+
 def test_what_stays_tangled_on_the_posed_body_is_untangled_at_once() -> None:
     posed = replace(first("tshirt", *SMALL_SHIRT), posed=True)
     tangled = Ended(posed, LIMIT, 9, VERTICES, cut_short=CutShort.CROSSING)

@@ -88,7 +88,8 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
         return _turned(history)
     if attempt.slides:
         return _slid(history)
-    return _usual_attempt(history, outfit) or _thinned(history, outfit) or _last_resort(history, outfit)
+    usual = _usual_attempt(history, outfit) or _thinned(history, outfit) or _last_resort(history, outfit)
+    return usual or _thinned(history, outfit, torn=True)
 
 
 def _after_dressed(history: Sequence[Ended]) -> Attempt | None:
@@ -140,10 +141,14 @@ def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     return _levels(stated, history, _last_posed(history)) if levels_next and still_open else None
 
 
-def _thinned(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
-    """Once, what is whole and rightly worn but crosses is untangled round the avatar as it is thinned within."""
+def _thinned(history: Sequence[Ended], outfit: Outfit, *, torn: bool = False) -> Attempt | None:
+    """Once, what is whole and rightly worn but crosses is untangled round the avatar as it is thinned within.
+
+    ``torn``: or what was torn as it crossed, once it was dressed.
+    """
     stated = history[0].attempt.stated
-    ends = [(n, each) for n, each in enumerate(history) if not (each.torn or each.misplaced or each.attempt.slides)]
+    placed = [(n, each) for n, each in enumerate(history) if not (each.misplaced or each.attempt.slides)]
+    ends = [(n, each) for n, each in placed if not each.torn or (torn and each.attempt.posed)]
     worn = {n: each.crossings for n, each in ends if each.status is not Status.DIVERGED}
     is_over = stated.collision.cloth is False or any(each.attempt.thins for each in history)
     if is_over or not worn or min(worn.values()) == 0 or not _may_pose(stated, outfit):
