@@ -13,11 +13,13 @@ from meshfiles import write_obj
 from numpy.typing import NDArray
 
 import warp_cloth
-from warp_cloth.anatomy.openings import Limbs
+from warp_cloth.anatomy.linking import Wearing
+from warp_cloth.anatomy.openings import LEGS, Limbs, openings_of
 from warp_cloth.anatomy.shoulders import Shoulders, height_over_shoulders
 from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, TRUNK, Skeleton, skeleton_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, vertex_normals
+from warp_cloth.base.topology import build_topology
 from warp_cloth.dressing.straps import TUG, tugged
 from warp_cloth.fitting.judge import Judgement, judged_shape
 from warp_cloth.garment.outfit import MeshCache, load_outfit
@@ -195,6 +197,44 @@ def test_only_cloth_on_the_shoulder_tells_how_high_a_garment_is(shirt: Shirt) ->
     narrow = shirt.triangles[~off[shirt.triangles].any(axis=1)]
     whole = height_over_shoulders(limbs, shirt.points, shirt.triangles, skeleton)
     assert height_over_shoulders(limbs, shirt.points, narrow, skeleton) == pytest.approx(whole, abs=0.02)
+
+
+def test_a_hood_that_stands_on_a_narrow_shoulder_does_not_tell_its_height(shirt: Shirt) -> None:
+    """An adult's hood on a child: its sides stand where the child's shoulders are, and the garment's lie beside it."""
+    limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
+    skeleton = shirt.skeleton
+    roots = [skeleton.curves[arm][skeleton.joints[arm]] for arm in (RIGHT_ARM, LEFT_ARM)]
+    width = float((roots[1] - roots[0]) @ skeleton.left) / 2.0
+
+    def height(beside: float) -> float:
+        """``beside``: how high shoulders lie above the roots of the arms [m], beside a hood of 0.6 m."""
+        across = width * np.array([-1.4, -1.02, -1.0, 1.0, 1.02, 1.4])
+        up = np.array([beside, beside, 0.6, 0.6, beside, beside])
+        row = np.mean(roots, axis=0) + across[:, None] * skeleton.left + up[:, None] * skeleton.up
+        points = np.concatenate([row - 0.2 * skeleton.forward, row + 0.2 * skeleton.forward])
+        first = np.arange(5)
+        triangles = np.concatenate([[first, first + 1, first + 6], [first + 1, first + 7, first + 6]], axis=1).T
+        return height_over_shoulders(limbs, points, triangles.astype(np.int32), skeleton)
+
+    assert height(0.3) - height(0.2) == pytest.approx(0.1, abs=0.001)
+    assert height(-0.2) > 0.4  # cloth so low is no shoulder
+
+
+def test_a_wide_skirt_round_the_shoulders_is_lowered_to_the_waist(shirt: Shirt) -> None:
+    """It was placed for one who is taller; a cape with such a neckline would fall off."""
+    body, count = shirt.skeleton, 24
+    angles = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    around = np.cos(angles)[:, None] * body.left + np.sin(angles)[:, None] * body.forward
+    points = body.shoulders + np.concatenate([0.22 * around + 0.05 * body.up, 0.5 * around - 0.35 * body.up])
+    step, after = np.arange(count), (np.arange(count) + 1) % count
+    halves = [np.stack([step, after, step + count], 1), np.stack([after, after + count, step + count], 1)]
+    triangles = np.concatenate(halves).astype(np.int32)
+    topology = build_topology(triangles, len(points))
+    lengths = np.linalg.norm(np.diff(points[topology.edges], axis=1)[:, 0], axis=1)
+    wearing = Wearing.of(openings_of(topology, triangles, lengths, len(points)), points, triangles, body)
+    assert wearing.limbs == (LEGS, LEGS)
+    assert wearing.start_fault  # so that it is dressed there
+    assert float((wearing.onto[:count].mean(axis=0) - body.waist) @ body.up) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_straps_are_tugged_inwards_along_the_shoulders_until_they_lie_there(shirt: Shirt) -> None:

@@ -117,10 +117,13 @@ class Wearing:
         """``points`` are those that the garment starts at [m].
 
         Where that is bad on a body that sits or bows, the garment is taken to be placed for one who stands. So is a
-        wide skirt, which would be a cape where it starts.
+        wide skirt, which would be a cape where it starts, or for one who is taller: on a child an adult's waist is at
+        its neck, and its skirt is lowered to the child's waist.
         """
         placed = cls(openings, tuple(limbs_for(openings, points, skeleton)), triangles, skeleton, points, points)
         followed = moved_from_standing(points, skeleton)
+        if followed is None and placed.is_wide_cape and placed.start_fault:
+            followed = points - max(placed._top_over_waist, 0.0) * skeleton.up
         if followed is None or not (placed.start_fault or placed.is_wide_cape):
             return placed
         return cls(openings, tuple(limbs_for(openings, followed, skeleton)), triangles, skeleton, points, followed)
@@ -132,7 +135,7 @@ class Wearing:
             return f"cloth starts on both sides of the {LIMBS[pierced[0]]}"
         if self.misplaced_at_start:
             return f"an opening starts beside the {LIMBS[self.misplaced_at_start[0].wanted[0]]}"
-        return "" if self.followed is self.start else "it starts where one who stands would wear it"
+        return "" if self.followed is self.start else "it starts where one who stands, or is taller, would wear it"
 
     def distances(self) -> dict[Limbs, Floats]:
         """The vertices' distances from each opening, by the limbs that it is for [m], each of shape [V]."""
@@ -283,13 +286,15 @@ class Wearing:
         is_moved = self.hangs_from_waist and self.followed is not self.start  # onto who sits
         if is_wrong or is_moved or float(np.linalg.norm(self.across)) > FAR_TRUNK * skeleton.span:
             shift = shift + self.across
-        shift = shift + self._onto_neck(points + shift)
-        if above := self.over_shoulders(points + shift):
-            is_round_head = above > NECK and self._pierced_by_head(points + shift)
+        to_neck = self._onto_neck(points + shift)
+        if above := self.over_shoulders(points + shift + to_neck):
+            is_round_head = above > NECK and self._pierced_by_head(points + shift + to_neck)
             is_under = above < 0.0 and any(HEAD in each.wanted for each in self.misplaced_at_start)
             is_low = above < -LOW and bool(self.start_fault) and self._has_sleeves
-            is_far = is_round_head or is_under or is_low or abs(above) > FAR_SHOULDERS
-            shift = shift - skeleton.up * (above if is_far else 0.0)
+            if is_round_head or is_under or is_low or abs(above) > FAR_SHOULDERS:
+                shift = shift - skeleton.up * above
+                to_neck = self._onto_neck(points + shift)  # there; an adult's neckline is above a child's head
+            shift = shift + to_neck
         elif sleeves:
             up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)
             shift = shift + skeleton.up * (up if abs(up) > FAR_SHOULDERS else 0.0)
