@@ -16,7 +16,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from measured import Figures, add_write_option
+from measured import Figures, script_parser
 
 import warp_cloth
 
@@ -61,7 +61,7 @@ def pairs_of(given: argparse.Namespace) -> Iterator[tuple[str, list[Table]]]:
 
 
 def main() -> None:
-    parse = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parse = script_parser(__doc__)
     parse.add_argument("--bodies", type=Path, required=True, help="folder of the poses")
     parse.add_argument("--only", nargs="+", default=list(POSES), metavar="NAME")
     parse.add_argument("--designs", type=Path, help="folder of index.csv; the designs' pair, too")
@@ -72,7 +72,6 @@ def main() -> None:
     parse.add_argument("--out", type=Path, default=Path("poses_out"))
     parse.add_argument("--keep", action="store_true", help="pictures and reports of every fit")
     parse.add_argument("--device")
-    add_write_option(parse)
     given = parse.parse_args()
     counts: dict[str, list[bool]] = {}
     with Figures(__file__, given, device=given.device or "cpu") as figures:
