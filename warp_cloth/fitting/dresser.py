@@ -250,10 +250,9 @@ class Dresser:
         """Grows at home again from cloth that lay untangled on the thin body [m], and presses it out without moving it.
 
         Cloth between a thigh and a belly would go along with each of them through what lies between. What is pressed
-        onto one surface from several layers crosses for a moment, so it is untangled all along. Where that leaves any
-        crossing, cloth lies as it did before: the fit parts what grew along no worse.
+        onto one surface from several layers crosses for a moment, so it is untangled all along.
         """
-        home, grown = self._body.home, self._points
+        home = self._body.home
         self._problem.model.set_points(thin)
         for step in range(1, STEPS + 2):
             thickness = _thickness(step / STEPS) if step <= STEPS else np.inf
@@ -264,8 +263,6 @@ class Dresser:
                 self._problem.schedule.untangle()
             self._relax(BURST)
             catch_up(self._pulled, partial(self._relax, BURST))
-        if self.crosses:
-            self._problem.model.set_points(grown)
 
     def carry_home(self, steps: int, *, is_grown: bool = False) -> None:
         """Takes the body home, growing if it has not grown yet, in bursts, but for the limbs that come home last."""
