@@ -146,7 +146,7 @@ class Dresser:
     @property
     def in_the_way(self) -> bool:
         """Whether cloth that is far from an arm's opening lies where the arm is at home."""
-        points, home = self._points, self._body.home
+        points, home = self.points, self._body.home
         return any(curve_crossings(points, self._loose[arm], home[arm]) > 0 for arm in self._moved)
 
     def sew(self, momentum: float | None = None) -> None:
@@ -173,10 +173,10 @@ class Dresser:
 
         Seams that close draw a wide skirt together, and what falls is too heavy for a waist to hold.
         """
-        self._move_up(self.wearing.rise(self._points))
+        self._move_up(self.wearing.rise(self.points))
 
     def _move_up(self, rise: float) -> None:
-        self._problem.model.set_points(self._points + rise * self.wearing.skeleton.up)
+        self._problem.model.set_points(self.points + rise * self.wearing.skeleton.up)
         self._meet_body()
 
     def pull_on(self) -> None:
@@ -184,7 +184,7 @@ class Dresser:
         for step in range(1, SPREADING_STEPS + 1):
             self._take(1.0 - step / SPREADING_STEPS, THIN)
         for _ in range(PULLS):
-            rise = self.wearing.rise(self._points, BELOW_CROTCH)
+            rise = self.wearing.rise(self.points, BELOW_CROTCH)
             if abs(rise) < NEAR:
                 break
             self._move_up(float(np.clip(rise, -PULL, PULL)))
@@ -196,9 +196,9 @@ class Dresser:
         low = self._body.at_shoulders(self._posed, self._last_pose)
         for step in range(1, LOWERING_STEPS + 1):
             left = LOWERING_STEPS - step
-            above = self.wearing.over_shoulders(self._points) * left / (left + 1)
+            above = self.wearing.over_shoulders(self.points) * left / (left + 1)
             self._follow(self._body.between(low, self._posed, left / LOWERING_STEPS), THIN)
-            down = self.wearing.over_shoulders(self._points) - above
+            down = self.wearing.over_shoulders(self.points) - above
             self._move_up(-float(np.clip(down, 0.0, PULL)))
             self._relax(BURST)
         for step in range(1, GROWING_STEPS + 1):
@@ -222,12 +222,12 @@ class Dresser:
 
     def _has_fallen(self, after: Callable[[], None] | None) -> bool:
         """Whether it hangs out of the arms' way, and slow, within FALLING iterations; ``after`` each CHECK of them."""
-        before = self._points
+        before = self.points
         for _ in range(0, FALLING, CHECK):
             self._relax(CHECK)
             if after is not None:
                 after()
-            points = self._points
+            points = self.points
             slow = float(((before - points) @ self.wearing.skeleton.up).max()) < SLOW
             if slow and not self.in_the_way:
                 return True
@@ -237,8 +237,8 @@ class Dresser:
     def _hold_top(self) -> None:
         """Moves the opening that starts highest to where it started, and the cloth next to it along."""
         near = np.clip(1.0 - self.wearing.top.distances / HELD, 0.0, 1.0)
-        rise = near * self.wearing.drop(self._points)
-        self._problem.model.set_points(self._points + rise[:, None] * self.wearing.skeleton.up)
+        rise = near * self.wearing.drop(self.points)
+        self._problem.model.set_points(self.points + rise[:, None] * self.wearing.skeleton.up)
         self._meet_body()
 
     def grow(self, steps: int, *, posed: float) -> None:
@@ -276,7 +276,7 @@ class Dresser:
     def lay_straps(self) -> None:
         """Tugs the straps of a garment inwards along the shoulders, while arms are still raised."""
         for _ in range(TUGS):
-            moved = tugged(self.wearing.shoulders, self._points, self.wearing.triangles)
+            moved = tugged(self.wearing.shoulders, self.points, self.wearing.triangles)
             if moved is None or float((edge_strains(self._problem.model) > TORN).mean()) > TAUT:
                 break
             self._problem.model.set_points(moved)
@@ -326,14 +326,14 @@ class Dresser:
         self._step(curves, thickness)
 
     def _met(self, curves: Sequence[Points]) -> float:
-        return met(self._loose_vertices, self._points, self._curves, curves)
+        return met(self._loose_vertices, self.points, self._curves, curves)
 
     def _step(self, curves: Sequence[Points], thickness: float) -> None:
         """Moves the body there, and the cloth with it, but for what the trunk slides along itself; [m]."""
         self._curves, self._thickness = curves, min(thickness, THICK)
         exact = build_exact_collider(replace(self._avatar, points=self._surface), self._device)
         self._surface, slid = self._body.points(curves, thickness), self._body.slid(curves)
-        self._problem.model.set_points(followed(exact, self._surface - (slid - self._slid), self._points))
+        self._problem.model.set_points(followed(exact, self._surface - (slid - self._slid), self.points))
         self._slid = slid
         self._meet_body()
         self._relax(BURST)
@@ -344,7 +344,7 @@ class Dresser:
         return int((edge_strains(self._problem.model) > PULLED).sum())
 
     def ended(self) -> PosedStart:
-        points = self._points
+        points = self.points
         is_finite = bool(np.isfinite(points).all())
         run = LevelRun(len(points), self._iterations, Status.ITERATION_LIMIT if is_finite else Status.DIVERGED)
         return PosedStart(points if is_finite else None, run, tuple(self._shapes or ()))
@@ -357,10 +357,6 @@ class Dresser:
     @property
     def points(self) -> Points:
         """Where the garment lies now [m], shape [V, 3]."""
-        return self._points
-
-    @property
-    def _points(self) -> Points:
         return self._problem.model.points()
 
     @property
@@ -369,7 +365,7 @@ class Dresser:
         return self._problem.schedule is not None and self._problem.schedule.calm
 
     def _meet_body(self) -> None:
-        self._problem.relaxation.set_collider(0, self._collider.of(self._surface, self._points))
+        self._problem.relaxation.set_collider(0, self._collider.of(self._surface, self.points))
 
     def _set_weight(self, factor: float) -> None:
         relaxation = self._problem.relaxation
@@ -384,7 +380,7 @@ class Dresser:
         if problem.schedule is not None:
             problem.schedule.advance(self._iterations)
         if self._shapes is not None:
-            shape = DressedShape(self._surface.astype(np.float32), self._points.astype(np.float32))
+            shape = DressedShape(self._surface.astype(np.float32), self.points.astype(np.float32))
             self._shapes.append(shape)
 
 
