@@ -43,6 +43,7 @@ def rows(folder: Path) -> list[dict[str, Any]]:
     return pyarrow.parquet.read_table(folder / "results.parquet").to_pylist()
 
 
+@pytest.mark.long
 def test_a_cluster_that_loses_a_node_midway_gives_the_same_results(cluster: Any, tmp_path: Path) -> None:
     second = cluster.add_node(num_cpus=1)
     cluster.wait_for_nodes()
@@ -71,6 +72,7 @@ def test_no_cluster_at_an_address_is_told_at_once(tmp_path: Path) -> None:
         run_batch(items(1), tmp_path, ray="127.0.0.1:1")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(wp.is_cuda_available(), reason="the GPU that the node claims is there")
 def test_what_needs_a_gpu_goes_to_the_node_that_claims_one_and_says_that_it_does_not_answer(
     cluster: Any, tmp_path: Path

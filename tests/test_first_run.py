@@ -51,6 +51,7 @@ print(json.dumps([sum(compiled.values()), [name for name, times in compiled.item
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", ["whole", "broken"])
 def test_modules_are_compiled_by_other_processes_or_by_this_one(
     how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -108,6 +109,7 @@ def test_a_fit_notes_its_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert kernels_known("cpu")
 
 
+@pytest.mark.long
 def test_warm_up_leaves_the_kernels_and_says_where(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
