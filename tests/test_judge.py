@@ -200,16 +200,16 @@ def test_only_cloth_on_the_shoulder_tells_how_high_a_garment_is(shirt: Shirt) ->
 
 
 def test_a_hood_that_stands_on_a_narrow_shoulder_does_not_tell_its_height(shirt: Shirt) -> None:
-    """An adult's hood on a child: its sides stand where the child's shoulders are, and the garment's lie beside it."""
+    """An adult's hood on a child: its sides stand where the child's shoulders are, and the garment's lie outside it."""
     limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
     skeleton = shirt.skeleton
     roots = [skeleton.curves[arm][skeleton.joints[arm]] for arm in (RIGHT_ARM, LEFT_ARM)]
     width = float((roots[1] - roots[0]) @ skeleton.left) / 2.0
 
-    def height(beside: float) -> float:
-        """``beside``: how high shoulders lie above the roots of the arms [m], beside a hood of 0.6 m."""
+    def height(outside: float) -> float:
+        """``outside``: how high shoulders lie above the roots of the arms [m], outside a hood of 0.6 m."""
         across = width * np.array([-1.4, -1.02, -1.0, 1.0, 1.02, 1.4])
-        up = np.array([beside, beside, 0.6, 0.6, beside, beside])
+        up = np.array([outside, outside, 0.6, 0.6, outside, outside])
         row = np.mean(roots, axis=0) + across[:, None] * skeleton.left + up[:, None] * skeleton.up
         points = np.concatenate([row - 0.2 * skeleton.forward, row + 0.2 * skeleton.forward])
         first = np.arange(5)

@@ -30,7 +30,7 @@ OUTSIDE, INSIDE, ALIKE = 0.95, 0.5, 0.25
 SEAM = 0.025  # [m]
 ACROSS = np.linspace(0.5, 0.9, 9)  # from the middle, over that of the root: where it is measured
 FARTHER = np.linspace(0.95, 1.1, 4)  # the same, of straps that are farther out
-OUTER = np.linspace(0.9, 1.5, 13)  # the same, of shoulders wider than the body's, beside a hood
+OUTER = np.linspace(0.9, 1.5, 13)  # the same, of shoulders wider than the body's, outside a hood
 WALL = 0.5  # fall of cloth between two of these places, of which the inner one is on the side of a hood
 LAID = (0.5, 0.7)  # the same: straps are laid between these, as near as can be to where they were placed
 LOW = 0.3  # [m] below the skin: cloth so far down is no shoulder's
@@ -120,15 +120,15 @@ def height_over_shoulders(limbs: Sequence[Limbs], points: Points, triangles: Ind
             gaps = gaps[gaps * side.width > -LOW]  # also not where there is none, nan
             if len(gaps):
                 gap = float(gaps.min())
-                heights.append(min(gap, _beside_hood(side, points, triangles, skeleton.skin)) * side.width + SEAM)
+                heights.append(min(gap, _outside_hood(side, points, triangles, skeleton.skin)) * side.width + SEAM)
                 break
     return sum(heights) / len(heights) if heights else 0.0
 
 
-def _beside_hood(side: _Side, points: Points, triangles: Indices, skin: Points) -> float:
-    """How high cloth is above a narrow shoulder beside a hood, or a wide collar, that stands on all of it.
+def _outside_hood(side: _Side, points: Points, triangles: Indices, skin: Points) -> float:
+    """How high cloth is above a narrow shoulder outside a hood, or a wide collar, that stands on all of it.
 
-    Infinite where none stands there, or what is beside it is no shoulder's since it lies lower than the skin.
+    Infinite where none stands there, or the cloth outside it is no shoulder's since it lies lower than the skin.
     """
     tops = side.tops(points, triangles, OUTER)
     walls = np.flatnonzero(tops[:-1] - tops[1:] > WALL)

@@ -254,15 +254,10 @@ class Dresser:
         """
         home = self._body.home
         self._problem.model.set_points(thin)
-        for step in range(1, STEPS + 2):
-            thickness = _thickness(step / STEPS) if step <= STEPS else np.inf
-            self._curves, self._thickness = home, min(thickness, THICK)
-            self._surface, self._slid = self._body.points(home, thickness), self._body.slid(home)
-            self._meet_body()
+        for thickness in (*(_thickness(step / STEPS) for step in range(1, STEPS + 1)), np.inf):
             if self._problem.schedule is not None:
                 self._problem.schedule.untangle()
-            self._relax(BURST)
-            catch_up(self._pulled, partial(self._relax, BURST))
+            self._step(home, thickness, takes_cloth=False)
 
     def carry_home(self, steps: int, *, is_grown: bool = False) -> None:
         """Takes the body home, growing if it has not grown yet, in bursts, but for the limbs that come home last."""
@@ -328,13 +323,14 @@ class Dresser:
     def _met(self, curves: Sequence[Points]) -> float:
         return met(self._loose_vertices, self.points, self._curves, curves)
 
-    def _step(self, curves: Sequence[Points], thickness: float) -> None:
+    def _step(self, curves: Sequence[Points], thickness: float, *, takes_cloth: bool = True) -> None:
         """Moves the body there, and the cloth with it, but for what the trunk slides along itself; [m]."""
+        surface, slid = self._body.points(curves, thickness), self._body.slid(curves)
+        if takes_cloth:
+            exact = build_exact_collider(replace(self._avatar, points=self._surface), self._device)
+            self._problem.model.set_points(followed(exact, surface - (slid - self._slid), self.points))
         self._curves, self._thickness = curves, min(thickness, THICK)
-        exact = build_exact_collider(replace(self._avatar, points=self._surface), self._device)
-        self._surface, slid = self._body.points(curves, thickness), self._body.slid(curves)
-        self._problem.model.set_points(followed(exact, self._surface - (slid - self._slid), self.points))
-        self._slid = slid
+        self._surface, self._slid = surface, slid
         self._meet_body()
         self._relax(BURST)
         catch_up(self._pulled, partial(self._relax, BURST))

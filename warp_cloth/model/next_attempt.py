@@ -88,8 +88,12 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
         return _turned(history)
     if attempt.slides:
         return _slid(history)
-    usual = _usual_attempt(history, outfit) or _thinned(history, outfit) or _last_resort(history, outfit)
-    return usual or _thinned(history, outfit, torn=True)
+    return (
+        _usual_attempt(history, outfit)
+        or _thinned(history, outfit)
+        or _last_resort(history, outfit)
+        or _thinned(history, outfit, torn=True)
+    )
 
 
 def _after_dressed(history: Sequence[Ended]) -> Attempt | None:

@@ -86,11 +86,10 @@ class ContactSchedule:
         """
         if self._overflows:
             self._cloth_contact.grow()
-        if self._crosses_again:
-            self._cloth_contact.untangles = True
-        if self._overflows or self._crosses_again:
-            self._overflows = self._crosses_again = False
             self._relaxation.drop_graphs()
+        if self._crosses_again:
+            self.untangle()
+        self._overflows = self._crosses_again = False
 
     def hold_back(self, momentum: float) -> None:
         """Holds momentum back to this until nothing crosses."""
@@ -137,9 +136,9 @@ class ContactSchedule:
             cloth_contact.grow()
             self._relaxation.drop_graphs()
             return False
-        return self._untangle(iteration)
+        return self._end_untangling(iteration)
 
-    def _untangle(self, iteration: int) -> bool:
+    def _end_untangling(self, iteration: int) -> bool:
         """Ends untangling once nothing crosses; returns whether the present shape may be the rest shape."""
         cloth_contact, since = self._cloth_contact, iteration - self._enabled_at
         crossings = cloth_contact.crossings() if cloth_contact.untangles or iteration % CHECK_EVERY == 0 else 0

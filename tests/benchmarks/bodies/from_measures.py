@@ -2,7 +2,7 @@
 
     python tests/benchmarks/bodies/from_measures.py [--sets 200] [--workers 2] [--write]
 
-Draws sets of stature, chest, waist and hip, by turns of men and of women, whose means, spreads and correlations are
+Draws sets of stature, chest, waist and hip, alternately of men and of women, whose means, spreads and correlations are
 about those of soldiers (Gordon et al., 2012 Anthropometric Survey of U.S. Army Personnel, rounded), makes a body of
 each, writes it to an OBJ file and measures that file as ``warp-cloth avatar --measures`` does. Prints how many were
 made and the differences of measured and stated.
@@ -16,9 +16,11 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np
 from measured import Figures, script_parser
+from meshfiles import write_obj
 
 from warp_cloth.anatomy.measures import Figure
 from warp_cloth.anatomy.skeleton import skeleton_of
@@ -59,9 +61,7 @@ def read_again(stated: BodyMeasures) -> Read:
         return stated, str(error)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "body.obj"
-        with path.open("w") as file:
-            file.writelines(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in body.points)
-            file.writelines(f"f {a} {b} {c}\n" for a, b, c in body.triangles + 1)
+        write_obj(path, body.points, body.triangles)
         mesh = load_mesh(path, role="avatar", key="avatar")
     skeleton = skeleton_of(mesh)
     if skeleton is None:
