@@ -93,6 +93,8 @@ def test_of_an_overhanging_fold_the_farthest_counts() -> None:
         View(side=1000, tilt=10.0, toward=35.0, shadow=0.3, check=40, light=0.2),
         View(plate=(225, 225, 230), background=(230, 230, 235), shadow=0.2),  # a plate of the background's colour
         View(camera=1.0),
+        # cloth of the check's own brown, in the shadow of a lamp from one side
+        View(side=600, cloth=(170, 140, 90), background=(240, 225, 190), check=40, shadow=0.3, light=0.2),
     ],
 )
 def test_a_photograph_gives_the_coefficient(tmp_path: Path, view: View) -> None:
@@ -100,6 +102,14 @@ def test_a_photograph_gives_the_coefficient(tmp_path: Path, view: View) -> None:
     reading = read_drape(photo(tmp_path, view), setting)
     assert reading.coefficient == pytest.approx(wave(7).coefficient(SETTING.ratio), abs=READ_WITHIN)
     assert reading.outline.folds == 7
+
+
+def test_a_notch_may_reach_a_plate_of_the_backgrounds_colour(tmp_path: Path) -> None:
+    """The cloth is seen as a ring that is open there."""
+    notched = Outline(np.where(np.abs(TURN - 3.0) < 0.15, 1.005, wave(7).radius))
+    view = View(side=400, plate=(225, 225, 230), background=(215, 222, 228), check=40, noise=0.5)
+    reading = read_drape(photo(tmp_path, view, notched), SETTING)
+    assert reading.coefficient == pytest.approx(notched.coefficient(SETTING.ratio), abs=1.5 * READ_WITHIN)
 
 
 def test_the_warps_direction_turns_the_outline(tmp_path: Path) -> None:

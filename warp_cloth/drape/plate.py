@@ -40,6 +40,14 @@ class Plate:
         """Angle between the line of sight and the plate's normal [rad]."""
         return float(np.arccos(min(self.axes[1] / self.axes[0], 1.0)))
 
+    def covers(self, shape: tuple[int, ...]) -> Mask:
+        """The pixels inside."""
+        y, x = np.mgrid[0 : shape[0], 0 : shape[1]]
+        c, s = np.cos(self.turn), np.sin(self.turn)
+        dx, dy = x - self.center[0], y - self.center[1]
+        along, across = (c * dx + s * dy) / self.axes[0], (c * dy - s * dx) / self.axes[1]
+        return np.asarray(along**2 + across**2 < 1.0)
+
 
 def find_plate(photograph: Photograph, cloth: Mask) -> Plate | None:
     """The plate's edge: the circle inside the silhouette whose edge is seen all round. None: there is none."""

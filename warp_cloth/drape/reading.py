@@ -12,7 +12,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.drape.outline import Outline, outline_of_points
 from warp_cloth.drape.photograph import Photograph, read_photograph
 from warp_cloth.drape.plate import Plate, find_plate
-from warp_cloth.drape.silhouette import coverage, find_cloth, plain, skimage_module
+from warp_cloth.drape.silhouette import Mask, coverage, find_cloth, plain, skimage_module
 from warp_cloth.drape.table import drapes_of_ratio
 
 Floats = NDArray[np.float64]
@@ -67,7 +67,9 @@ def read_drape(path: Path, setting: Setting) -> DrapeReading:
     drawn = plain(photograph)
     photograph = drawn or photograph
     cloth = find_cloth(photograph)
-    plate = None if drawn else find_plate(photograph, cloth)
+    plate = None
+    if not drawn:
+        plate, cloth = _plate_and_cloth(photograph, cloth)
     contour = _contour(coverage(photograph, cloth), path)
     notes: list[str] = []
     if drawn and setting.metres_per_pixel is None:
@@ -101,6 +103,15 @@ def read_drape(path: Path, setting: Setting) -> DrapeReading:
         _error(outline, setting, radius_pixels, radius_error),
         tuple(notes),
     )
+
+
+def _plate_and_cloth(photograph: Photograph, cloth: Mask) -> tuple[Plate | None, Mask]:
+    """The plate, and the cloth with it: a plate of the background's colour that a notch reaches is no hole in it."""
+    plate = find_plate(photograph, cloth)
+    if plate is not None:
+        return plate, cloth
+    plate = find_plate(photograph, np.asarray(skimage_module("morphology").convex_hull_image(cloth)))
+    return plate, cloth if plate is None else find_cloth(photograph, plate.covers(cloth.shape))
 
 
 def _contour(cover: Floats, path: Path) -> Floats:

@@ -18,6 +18,9 @@ Mask = NDArray[np.bool_]
 BORDER = 0.03  # of the picture's side: there is nothing but background
 TINTS = 2  # of a checked background
 SHADOW = 0.3  # weight of a difference that a shadow would make: darker, of the same hue
+DARKEST = 0.5  # of the background's light; what is darker still has little colour to tell
+UNEVEN_LIGHT = 0.15  # of the background's light, about the slope of it across the picture
+LAB_BLACK = 16.0  # added to L, a colour's (L, a, b) is in proportion to the cube root of its light
 FAINTEST = 7.0  # [CIELAB]; what differs less from the background is background
 SECOND_DRAPE = 0.2  # of the largest patch; another one as large is another drape
 SMALLEST = 0.02  # of the picture
@@ -50,8 +53,8 @@ def plain(photograph: Photograph) -> Photograph | None:
     return replace(photograph, pixels=np.repeat(whole[..., None], 3, axis=2))
 
 
-def find_cloth(photograph: Photograph) -> Mask:
-    """The pixels that the cloth and the plate on it cover.
+def find_cloth(photograph: Photograph, plate: Mask | None = None) -> Mask:
+    """The pixels that the cloth and the plate on it cover; ``plate``: those that are known to.
 
     Raises:
         InputError: there is none, more than one, or it is cut off.
@@ -60,6 +63,8 @@ def find_cloth(photograph: Photograph) -> Mask:
     skimage = skimage_module("filters")
     threshold = max(float(skimage.threshold_otsu(np.minimum(away, 60.0))), FAINTEST)
     clear = ndimage.gaussian_filter(away, 0.7) > threshold
+    if plate is not None:
+        clear |= plate
     # a plate of the background's colour is a hole, whose rim may be thinner than a pixel or two
     closed = np.pad(clear, 4)
     closed = ndimage.binary_closing(closed, iterations=3)[4:-4, 4:-4]
@@ -99,42 +104,46 @@ def coverage(photograph: Photograph, cloth: Mask) -> Floats:
 
 
 def _difference(pixels: Floats) -> Floats:
-    """Distance of every pixel from the background's colours [CIELAB], shape [H, W]."""
+    """Distance of every pixel from the background's colours in whatever light [CIELAB], shape [H, W].
+
+    Light and shadow scale a colour (L + 16, a, b) as a whole, but for the darkest: what has another hue or chroma
+    than a background that were as dark differs, however the light falls.
+    """
     lab = np.asarray(skimage_module("color").rgb2lab(pixels))
+    lab[..., 0] += LAB_BLACK
     height, width = lab.shape[:2]
     rim = max(round(BORDER * min(height, width)), 3)
     border = np.ones((height, width), dtype=bool)
     border[rim:-rim, rim:-rim] = False
     y, x = np.mgrid[0:height, 0:width]
     terms = np.stack([(x / width - 0.5), (y / height - 0.5)], axis=-1)
-    seen, where = lab[border], terms[border]
-    tints, slope = _tints(seen, where)
+    tints, slope = _tints(lab[border], terms[border])
+    level = lab / (1.0 + terms @ slope)[..., None]
     away = np.full((height, width), np.inf)
-    light = terms @ slope
     for tint in tints:
-        rest = lab - tint
-        rest[..., 0] -= light
-        rest[..., 0] = np.where(rest[..., 0] < 0.0, SHADOW * rest[..., 0], rest[..., 0])
-        away = np.minimum(away, np.sqrt((rest**2).sum(axis=2)))
+        shade = level[..., 0] / tint[0]
+        lighter = level[..., 0] - tint[0]
+        lighter = np.where(lighter < 0.0, SHADOW * lighter, lighter)
+        hue = (level[..., 1:] - shade[..., None] * tint[1:]) / np.clip(shade, DARKEST, 1.0)[..., None]
+        away = np.minimum(away, np.sqrt(lighter**2 + (hue**2).sum(axis=2)))
     return away
 
 
 def _tints(seen: Floats, where: Floats) -> tuple[Floats, Floats]:
-    """The background's colours, and how its lightness grows along x and y, from the border's pixels."""
+    """The background's colours, and how the light grows along x and y (relative), from the border's pixels."""
     slope = np.zeros(2)
     low, high = np.quantile(seen[:, 0], [0.1, 0.9])
     middle = np.median(seen, axis=0)
     tints = np.stack([middle, middle])[:TINTS]
     tints[:, 0] = low, high
     for _ in range(8):
-        level = seen.copy()
-        level[:, 0] -= where @ slope
+        level = seen / (1.0 + where @ slope)[:, None]
         nearest = np.argmin(((level[:, None] - tints) ** 2).sum(axis=2), axis=1)
         for index in range(TINTS):
             if (nearest == index).sum() >= 10:
                 tints[index] = np.median(level[nearest == index], axis=0)
-        off = seen[:, 0] - tints[nearest, 0]
-        usual = np.abs(off - where @ slope) < 12.0
+        off = seen[:, 0] / tints[nearest, 0] - 1.0
+        usual = np.abs(off - where @ slope) < UNEVEN_LIGHT
         if usual.sum() > 10:
             slope = np.linalg.lstsq(where[usual], off[usual], rcond=None)[0]
     return tints, slope
