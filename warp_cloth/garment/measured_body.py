@@ -16,7 +16,9 @@ from warp_cloth.shapes import SIZE_BODIES, MannequinMeasures, build_mannequin
 
 NAMES = ("stature", "chest", "waist", "hip")
 CLOSE, ACCEPTED = 0.002, 0.004  # [m] from the stated measures: where the search ends, and what it may end with
-ROUNDS = 5
+ROUNDS = 12
+PLAIN_ROUNDS = 3  # that take no slope from the one before: of two levels the fuller is read, now this, now that
+LARGEST_STEP = 0.05  # of a measure's logarithm, in one round
 ARM_ANGLES = (45.0, 52.0, 60.0)  # degrees from straight down: raised where arms would join the chest
 
 
@@ -49,27 +51,44 @@ def _search(stated: BodyMeasures, cache: Cache) -> tuple[MannequinMeasures, Mesh
     wanted = likeliest(stated)
     goal = np.array([getattr(wanted, name) for name in NAMES])
     for angle in ARM_ANGLES:
-        values = goal.copy()
-        best: tuple[float, MannequinMeasures, Mesh] | None = None
-        for _ in range(ROUNDS):
-            try:
-                measures = replace(wanted, **dict(zip(NAMES, values.tolist(), strict=True)), arm_angle=angle)
-                mesh = build_mannequin(measures, cache)
-            except InputError:  # corrected out of a mannequin's range
-                break
-            found = _read(mesh)
-            if found is None:
-                break
-            error = float(np.abs(found - goal).max())
-            if best is None or error < best[0]:
-                best = error, measures, mesh
-            if error < CLOSE:
-                break
-            values *= goal / found
+        best = _corrected(replace(wanted, arm_angle=angle), goal, cache)
         if best is not None and best[0] < ACCEPTED:
             return best[1:]
     told = ", ".join(f"{name} {value:.2f}" for name, value in asdict(wanted).items() if name in NAMES)
     raise InputError("avatar.measures", f"no mannequin has {told} m", "check the measures, or give the mesh of a body")
+
+
+def _corrected(
+    wanted: MannequinMeasures, goal: np.ndarray, cache: Cache
+) -> tuple[float, MannequinMeasures, Mesh] | None:
+    """The mannequin nearest to the goal, and how far off its farthest measure is [m].
+
+    By Broyden's method on logarithms: a belly over the hips is measured with them, so that one measure's correction
+    moves another.
+    """
+    values, slope = np.log(goal), np.eye(len(goal))  # slope: of what is read over what is set
+    best: tuple[float, MannequinMeasures, Mesh] | None = None
+    step = before = np.zeros(len(goal))
+    for index in range(ROUNDS):
+        try:
+            measures = replace(wanted, **dict(zip(NAMES, np.exp(values).tolist(), strict=True)))
+            mesh = build_mannequin(measures, cache)
+        except InputError:  # corrected out of a mannequin's range
+            break
+        found = _read(mesh)
+        if found is None:
+            break
+        error = float(np.abs(found - goal).max())
+        if best is None or error < best[0]:
+            best = error, measures, mesh
+        if error < CLOSE:
+            break
+        now = np.log(found)
+        if index > PLAIN_ROUNDS:
+            slope = slope + np.outer(now - before - slope @ step, step) / (step @ step)
+        step, before = np.clip(np.linalg.solve(slope, np.log(goal) - now), -LARGEST_STEP, LARGEST_STEP), now
+        values = values + step
+    return best
 
 
 def _read(mesh: Mesh) -> np.ndarray | None:
