@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from dxf_patterns import Drafted, Point, band, bezier, half_body, length, line, middle, sleeve
+from dxf_patterns import Drafted, Point, band, bezier, half_body, length, line, middle, sleeve, trousers
 
 
 def cut_at(curve: list[Point], share: float) -> tuple[list[Point], list[Point]]:
@@ -143,6 +143,19 @@ def top(grade: float = 0.0) -> list[Drafted]:
     ]
 
 
+def jumpsuit(grade: float = 0.0) -> list[Drafted]:
+    """Trousers without a waistband, and a bodice as wide as their waist with sleeves."""
+    legs = trousers(grade)[:2]
+    pieces = []
+    for name, depth, leg in (("FRONT BODICE", 9.5, legs[0]), ("BACK BODICE", 2.5, legs[1])):
+        half = half_body(name, 24.0 + grade, 44.0, 8.5, depth, 20.0)
+        corner = (length(leg.edges[2]), 0.0)
+        edges = [line((0.0, 0.0), corner), line(corner, half.edges[1][1]), *half.edges[2:]]
+        pieces.append(Drafted(name, edges, half.quantity, half.fold, half.notches))
+    arm = sleeve("SLEEVE", 17.0 + 0.6 * grade, 25.0, 15.0, *(length(piece.edges[2]) for piece in pieces))
+    return [*pieces, *legs, arm]
+
+
 def side_panelled(grade: float = 0.0) -> list[Drafted]:
     """A T-shirt with a panel under each arm, sewn to front and back; drafted as worn on the left, its front at -x."""
     pieces, strips, holes = [], [], []
@@ -177,6 +190,7 @@ PANELLED = {
     "panelled_skirt": panelled_skirt,
     "gored_skirt": gored_skirt,
     "gored_dress": gored_dress,
+    "jumpsuit": jumpsuit,
     "side_panelled": side_panelled,
 }
 TRUE_PANELLED_SEAMS = {
@@ -191,6 +205,10 @@ TRUE_PANELLED_SEAMS = {
     },
     "gored_skirt": {"gore": 6, "waistband": 1, "waistband ends": 1},
     "gored_dress": {"gore": 7, "waist": 1, "shoulder": 2, "side": 2},
+    "jumpsuit": {
+        **{"waist": 2, "outseam": 2, "inseam": 2, "front crotch": 1, "back crotch": 1},
+        **{"shoulder": 2, "side": 2, "sleeve cap": 2, "underarm": 2},
+    },
     "side_panelled": {"princess": 2, "shoulder": 2, "side": 2, "sleeve cap": 2, "underarm": 2},
     "panelled_skirt": {"princess": 4, "side": 2, "waistband": 1, "waistband ends": 1},
 }

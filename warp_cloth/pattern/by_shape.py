@@ -82,10 +82,10 @@ class _Drawn:
 def told_by_shape(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
     """The pieces of a garment, of which no name tells any, with what they are by shape; and notes on that.
 
-    They stay as they were where some names tell: the others are then taken to be what is not told.
+    Where some names tell, the others' pieces are told only by a shape that agrees with all of these names.
     """
     if any(piece.what.kind for piece in pieces) or len(pieces) < 2:
-        return _with_facings(pieces), []
+        return _beside_named(_with_facings(pieces))
     kinds = _Kinds(pieces)
     found = kinds.found()
     if not found:
@@ -97,6 +97,31 @@ def told_by_shape(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
     told = {index: "facing" if what.kind == "none" else what.kind for index, what in sorted(found.items())}
     said = ", ".join(f"{pieces[index].name}: {kind.replace('_', ' ')}" for index, kind in told.items())
     return out, [f"no names tell what pieces are; by their shapes {said}"]
+
+
+def _beside_named(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
+    """The pieces, and notes, with what those are by shape whose names say nothing beside others' that do.
+
+    None is told where shapes do not tell what the names do. A strip as long as the hem may be a belt: it stays unknown.
+    """
+    out = list(pieces)
+    outer = [index for index, piece in enumerate(pieces) if piece.what.kind != "none"]
+    if all(pieces[index].what.kind or pieces[index].what.panel for index in outer):
+        return out, []
+    found = _Kinds([pieces[index] for index in outer]).told()
+    told = {}
+    for place, index in enumerate(outer):
+        kind, panel = pieces[index].what.kind, pieces[index].what.panel
+        what = found.get(place, Named())
+        differs = what.kind != kind and kind not in what.kind.split("_")
+        if kind and differs and (what.kind or kind in _ROLES or kind == "back"):
+            return out, []
+        if not kind and not panel and what.kind not in ("", "hem_band"):
+            told[index] = what
+    for index, what in told.items():
+        out[index] = replace(pieces[index], what=replace(what, side=pieces[index].what.side))
+    said = ", ".join(f"{pieces[index].name}: {what.kind.replace('_', ' ')}" for index, what in sorted(told.items()))
+    return out, [f"by shape, as the names do not tell, {said}"] if told else []
 
 
 def _with_facings(pieces: Sequence[Piece]) -> list[Piece]:
@@ -132,7 +157,7 @@ class _Kinds:
 
         It would be another garment than it seems.
         """
-        self._find()
+        self.told()
         areas = [abs(sum(edge.area for edge in piece.edges)) for piece in self.pieces]
         for index, piece in enumerate(self.pieces):
             faced = [self.pieces[k] for k in self._found if areas[index] < FACED * areas[k]]
@@ -141,6 +166,11 @@ class _Kinds:
         largest = max((areas[index] for index in self._found), default=0.0)
         known = all(index in self._found or area < POCKET * largest for index, area in enumerate(areas))
         return self._found if known else {}
+
+    def told(self) -> dict[int, Named]:
+        """What each piece is that is told, whatever stays unknown."""
+        self._find()
+        return self._found
 
     def _find(self) -> None:
         shapes = {kind: self._shaped(kind) for kind in ("front", "leg_front", "leg", "sleeve", "hood")}

@@ -40,6 +40,7 @@ from warp_cloth.pattern.roles import (
     strip_roles,
     upright,
 )
+from warp_cloth.pattern.round_skirts import ring_of
 from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
@@ -50,6 +51,7 @@ TOPS = ("sleeve", *COLLARS, "hood")
 SINGLE = ("front", "back", "collar", "waistband", "hem_band", "yoke", "skirt_front", "skirt_back")
 MIRROR = np.diag([-1.0, 1.0])
 UPWARDS = np.array([0.0, 1.0])
+ASLANT = 0.05  # across the grain, of the way up of a quarter of a ring
 FEWEST_GORES = 3  # of one piece, all round
 BY_SHAPE = 0.85  # how sure it is of what no name tells
 
@@ -237,11 +239,17 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
         kind = kind if top.is_one else _worn_on(piece, kind)
     elif kind == "leg" and _is_whole_leg(piece):
         pass
-    elif kind == "skirt" and sum(said.copies or piece.copies or ()) >= FEWEST_GORES:
+    elif kind == "skirt" and (sum(said.copies or piece.copies or ()) >= FEWEST_GORES or ring_of(piece.edges, False)):
         kind = "gore"
     elif kind in ("leg", "skirt", ""):
         kind, sure = "", BY_SHAPE
+    copies = said.copies or piece.copies
+    is_half = kind in SKIRTS and piece.mirror is None and (copies is None or all(copies))
+    ring = ring_of(piece.edges, is_half) if kind in (*SKIRTS, "gore") else None
     turn = upright(piece.edges, kind)[1] * np.eye(2)  # half a turn keeps the warp along y
+    up = UPWARDS
+    if ring is not None:
+        turn, up = (np.eye(2), ring.up) if abs(ring.up[0]) > ASLANT else (np.sign(ring.up[1]) * np.eye(2), UPWARDS)
     edges = tuple(edge.turned(turn, np.zeros(2)) for edge in piece.edges)
     lines = tuple(line @ turn for line in piece.lines)
     holes = tuple(tuple(edge.turned(turn, np.zeros(2)) for edge in hole) for hole in piece.holes)
@@ -250,11 +258,12 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
         edges = parted_at_underarm(edges, UPWARDS, piece.notches @ turn)
     mirror = piece.mirror if len(edges) == len(piece.edges) else None
     part = Part(piece.name, edges, tuple(range(len(edges))), mirror, piece.notches @ turn, lines,
-                kind, side, UPWARDS, {}, sure, holes, darts)  # fmt: skip
+                kind, side, up, {}, sure, holes, darts)  # fmt: skip
     shape = part.shape
     roles = _roles(kind, shape, mirror is not None, kind in panelled, top.has_yoke)
-    copies = said.copies or piece.copies
-    if kind in SKIRTS and mirror is None and (copies is None or all(copies)):
+    if ring is not None:
+        roles = ring.roles
+    elif is_half:
         roles = half_skirt_roles(shape) or roles
     return replace(part, roles=roles, side=side or _side(kind, shape, roles, mirror is not None))
 
@@ -344,6 +353,7 @@ def _mirrored(part: Part, drawn: bool) -> Part:
         holes=tuple(tuple(edge.turned(MIRROR, np.zeros(2)).reversed for edge in hole[::-1]) for hole in part.holes),
         darts=tuple(turned(dart, MIRROR, np.zeros(2)) for dart in part.darts),
         side=-part.side,
+        up=part.up @ MIRROR,
         roles=roles,
     )
 

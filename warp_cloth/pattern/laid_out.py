@@ -24,7 +24,7 @@ from warp_cloth.pattern.pieces import halved
 from warp_cloth.pattern.placing import wraps_of
 from warp_cloth.pattern.specification import Edge, Panel, Pattern, Side, Stitch
 from warp_cloth.pattern.vocabulary import WORDS
-from warp_cloth.pattern.wrap import Wrap
+from warp_cloth.pattern.wrap import Cone, Laid
 
 POINTS = 33  # of a curve, when shapes are compared
 KNOWN = 0.9  # of the cloth's area, that is to be of kinds which are known, and shaped as these are
@@ -133,9 +133,14 @@ def _joint(stitch: Stitch, places: Sequence[list[list[int]]]) -> Joint:
     return Joint(tuple(one), tuple(other[::-1]), is_layer=stitch.is_layer)
 
 
-def _of_panel(wrap: Wrap, part: Part, piece: Piece, flip: bool) -> Wrap:
+def _of_panel(wrap: Laid, part: Part, piece: Piece, flip: bool) -> Laid:
     """A part's wrap, for the panel as drawn: the part may be turned by half, and mirrored."""
     upright = float(np.abs(part.edges[0].points - piece.edges[0].points).max()) < 1e-9
+    if isinstance(wrap, Cone):
+        sign = 1.0 if upright else -1.0
+        own = replace(wrap, centre=sign * wrap.centre, up=sign * wrap.up)
+        first, last = own.angles
+        return replace(own, centre=own.centre * MIRROR, up=own.up * MIRROR, angles=(-first, -last)) if flip else own
     along = wrap.along if upright else -wrap.along
     if not flip:
         return replace(wrap, along=along)

@@ -15,11 +15,11 @@ from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, LEFT
 from warp_cloth.pattern.levels import LEVELS, WHOLE_TURN, repeated, spans
 from warp_cloth.pattern.placing_bands import band
-from warp_cloth.pattern.placing_gores import gore
+from warp_cloth.pattern.placing_gores import cone, gore
 from warp_cloth.pattern.placing_sleeves import sleeve, under_sleeve
 from warp_cloth.pattern.runs import faces_of, role_of
 from warp_cloth.pattern.specification import Side
-from warp_cloth.pattern.wrap import Wrap, flat_wrap
+from warp_cloth.pattern.wrap import Cone, Laid, Wrap, flat_wrap
 
 MOST_ROLLED = 0.6 * np.pi  # a half of the trunk's cover on either side of its middle
 GAP = 0.005  # [m] between a part and the body's middle
@@ -28,9 +28,9 @@ BESIDE_HEAD = 0.02  # [m]
 REACH = 0.05  # [m] that a part beyond a seam is taken to go on as the one before
 
 
-def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> tuple[Wrap, ...]:
+def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> tuple[Laid, ...]:
     """Where each part starts."""
-    found: list[Wrap | None] = [_by_kind(parts, index, figure) for index in range(len(parts))]
+    found: list[Laid | None] = [_by_kind(parts, index, figure) for index in range(len(parts))]
     bands = [index for index, part in enumerate(parts) if part.kind in STRIPS]  # where what they are sewn to starts
     for index, wrap in [(index, band(parts, joints, found, index, figure)) for index in bands]:
         found[index] = wrap
@@ -53,26 +53,32 @@ def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> 
     return tuple(laid)
 
 
-def _farther_out(wrap: Wrap, apart: float) -> Wrap:
+def _farther_out(wrap: Laid, apart: float) -> Laid:
     """A part laid outside of where it was, by so much [m], and as much wider where it is bent round something."""
+    if isinstance(wrap, Cone):
+        return wrap
     wider = 1.0 + apart * np.abs(wrap.curvature)[:, None]
     out = wrap.outward / np.linalg.norm(wrap.outward, axis=1, keepdims=True)
     return replace(wrap, origin=wrap.origin + apart * out, across=wrap.across * wider, outward=wrap.outward * wider)
 
 
-def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
+def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Laid | None:
     part = parts[index]
-    by_kind: dict[str, Callable[[], Wrap | None]] = {
+    by_kind: dict[str, Callable[[], Laid | None]] = {
         "front": lambda: _trunk(part, figure, True, _side_panel_width(parts, index)),
         "back": lambda: _trunk(part, figure, False, _side_panel_width(parts, index), _below_yoke(parts, index)),
         "yoke": lambda: _trunk(part, figure, False) if part.roles else None,
         "side_front": lambda: _side_panel(parts, index, figure, True),
         "side_back": lambda: _side_panel(parts, index, figure, False),
-        "skirt_front": lambda: _trunk(part, figure, True, _side_panel_width(parts, index)),
-        "skirt_back": lambda: _trunk(part, figure, False, _side_panel_width(parts, index)),
+        "skirt_front": lambda: (
+            cone(parts, index, figure) or _trunk(part, figure, True, _side_panel_width(parts, index))
+        ),
+        "skirt_back": lambda: (
+            cone(parts, index, figure) or _trunk(part, figure, False, _side_panel_width(parts, index))
+        ),
         "side_skirt_front": lambda: _side_panel(parts, index, figure, True),
         "side_skirt_back": lambda: _side_panel(parts, index, figure, False),
-        "gore": lambda: gore(parts, index, figure),
+        "gore": lambda: cone(parts, index, figure) or gore(parts, index, figure),
         "leg_front": lambda: _leg(part, figure, True),
         "leg_back": lambda: _leg(part, figure, False),
         "leg": lambda: _whole_leg(part, figure),
@@ -81,6 +87,10 @@ def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
         "hood": lambda: _hood(part, figure),
     }
     return by_kind[part.kind]() if part.kind in by_kind else None
+
+
+def _skirt(parts: Sequence[Part], index: int, figure: Figure, is_front: bool) -> Laid:
+    return cone(parts, index, figure) or _trunk(parts[index], figure, is_front, _side_panel_width(parts, index))
 
 
 def _frame(figure: Figure, is_front: bool) -> tuple[Floats, Floats, float]:
@@ -246,7 +256,7 @@ def _hood(part: Part, figure: Figure) -> Wrap | None:
     return flat_wrap(part.up, place, origin, np.cross(UP, outward), UP)
 
 
-def _led(parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Wrap | None], index: int) -> Wrap | None:
+def _led(parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Laid | None], index: int) -> Wrap | None:
     """A part laid flat where it fits best to what it is sewn to: Kabsch's rotation of its seams onto the others'.
 
     Points inside the part are matched with those that the other part has if it goes on beyond the seam, so that a

@@ -15,7 +15,7 @@ from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import LEFT, RIGHT
 from warp_cloth.pattern.levels import WHOLE_TURN, repeated
 from warp_cloth.pattern.placing_sleeves import FROM_ARMPIT, along_limb, around_arm, shortened, underarm
-from warp_cloth.pattern.wrap import Wrap
+from warp_cloth.pattern.wrap import Laid, Wrap
 
 FLARE = 0.5  # of its width, by which the outer edge of a collar's fall starts farther out than its seam
 ABOVE_NECK = 0.01  # [m] from the neckline to that edge, which else would start within fronts and back
@@ -23,7 +23,7 @@ BESIDE_FOOT = 0.2  # [m] from the toes to a cuff of trousers
 
 
 def band(
-    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Wrap | None], index: int, figure: Figure
+    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Laid | None], index: int, figure: Figure
 ) -> Wrap | None:
     """A band as a ring, its ends where its joint begins; ``found``: where other parts start."""
     part = parts[index]
@@ -129,7 +129,7 @@ def _is_sewn_high(parts: Sequence[Part], joints: Sequence[Joint], index: int, al
 
 
 def _extent(
-    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Wrap | None], index: int, figure: Figure
+    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Laid | None], index: int, figure: Figure
 ) -> tuple[float, float, float]:
     """Half the width and depth of what a band is sewn to, and how far ahead its middle is [m]; else of the trunk."""
     spots = [

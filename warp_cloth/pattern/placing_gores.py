@@ -1,4 +1,4 @@
-"""Gores of a skirt laid as a cone round the trunk, one after another, from the right side on by the front."""
+"""Skirts laid as a cone round the trunk: gores one after another, from the right side on by the front, and rings."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.figure import UP, Figure
 from warp_cloth.pattern.levels import WHOLE_TURN, repeated, spans
+from warp_cloth.pattern.round_skirts import ring_of
 from warp_cloth.pattern.runs import parts_of_kind
-from warp_cloth.pattern.wrap import Wrap
+from warp_cloth.pattern.wrap import Cone, Wrap
 
 LEAST = 0.01  # [m] of a gore's width
 
@@ -41,3 +42,35 @@ def _widths(part: Part, figure: Figure) -> tuple[np.ndarray, np.ndarray]:
     """Widths of a gore by height [m]."""
     levels, least, most = spans(part)
     return float(figure.middle[1]) + levels - levels[-1], np.maximum(most - least, LEAST)
+
+
+def cone(parts: Sequence[Part], index: int, figure: Figure) -> Cone | None:
+    """Part of a ring as part of a cone: a front or back as half of it, half a front as a quarter, gores in turn."""
+    part = parts[index]
+    if ring_of(part.edges, "centre" in part.roles) is None:
+        return None
+    waist = np.concatenate([part.edges[k].at(np.linspace(0.0, 1.0, 33)) for k in part.roles["waist"]])
+    terms = np.column_stack([2.0 * waist, np.ones(len(waist))])
+    centre = np.linalg.lstsq(terms, (waist**2).sum(axis=1), rcond=None)[0][:2]  # of the circle through them
+    away = waist - centre
+    angles = np.arctan2(away @ np.array([part.up[1], -part.up[0]]), -(away @ part.up))
+    around = _around(parts, index)
+    ways = figure.half_width * figure.left, 0.5 * (figure.front + figure.back) * figure.forward
+    ahead = 0.5 * (figure.front - figure.back) * figure.forward
+    radius = float(np.hypot(*away.T).mean())
+    turned = float(angles.min()), float(angles.max())
+    return Cone(centre, part.up, radius, turned, around, figure.middle + ahead, *ways)
+
+
+def _around(parts: Sequence[Part], index: int) -> tuple[float, float]:
+    """From where to where a part of a cone goes round the trunk [rad], 0 in front, rising to the wearer's left."""
+    part = parts[index]
+    if part.kind == "gore":
+        gores = parts_of_kind(parts, "gore")
+        ends = np.cumsum([0.0, *(float(np.ptp(parts[each].shape.box, axis=0)[0]) for each in gores)])
+        low, high = (WHOLE_TURN * ends[gores.index(index) + n] / ends[-1] - 0.5 * np.pi for n in (0, 1))
+        return float(low), float(high)
+    middle = 0.0 if part.kind == "skirt_front" else np.pi
+    faced = part.side if part.kind == "skirt_front" else -part.side  # a back's +x is at the wearer's right
+    quarter = 0.5 * np.pi
+    return middle - quarter * (faced <= 0), middle + quarter * (faced >= 0)

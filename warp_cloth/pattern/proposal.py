@@ -36,6 +36,7 @@ LEFTOVER = 0.6  # most that lengths alone make sure
 FRONT_CENTRE = 0.5  # a front's two halves are as often closed by a zip, or left open
 SKIRT_FRONT_CENTRE = 0.9
 PRINCESS_EASE = (-0.04, 0.02)  # a side panel is eased over the bust
+WAIST_EASE = (-0.05, 0.03)  # of trousers to a bodice, which blouses over them
 RIVAL = 0.05  # of confidence, by which the surest seam of an edge is to be surer than the next
 DOUBTED = 0.7  # factor on the confidence of one that is not
 
@@ -50,6 +51,7 @@ def proposed_joints(parts: Sequence[Part]) -> tuple[Joint, ...]:
         *_legs(parts),
         *_hoods(parts),
         *_skirts(parts),
+        *_jumpsuits(parts),
         *_gores(parts),
         *proposed_collars(parts),
         *_bands(parts),
@@ -178,6 +180,30 @@ def _skirts(parts: Sequence[Part]) -> Iterable[Joint]:
                     waist = run_of(skirt, parts[skirt].roles.get("waist", ()))
                     hem = run_of(top, parts[top].roles.get("hem", ()), True)
                     yield from joint_of(parts, waist, hem, "waist", (-0.02, 1.0), 0.9)
+
+
+def _jumpsuits(parts: Sequence[Part]) -> Iterable[Joint]:
+    """A bodice sewn to trousers, as long at the waist, where no waistband is there for them."""
+    if parts_of_kind(parts, "waistband", "hem_band"):
+        return
+    found = []
+    for face in ("front", "back"):
+        waist, hem = (_half_ring(parts, kind, role) for kind, role in ((f"leg_{face}", "waist"), (face, "hem")))
+        found += joint_of(parts, waist, hem, "waist", WAIST_EASE)
+    if len(found) == 2 and min(joint.confidence for joint in found) >= SEWN_FROM:
+        yield from found
+
+
+def _half_ring(parts: Sequence[Part], kind: str, role: str) -> tuple[Side, ...]:
+    """A front's edges of a role from the wearer's left to the right, or a back's the other way, as waists run."""
+    own = parts_of_kind(parts, kind)
+    order = (LEFT, BOTH, RIGHT) if kind.endswith("front") else (RIGHT, BOTH, LEFT)
+    if len({parts[index].side for index in own}) < len(own):
+        return ()
+    along = sorted(own, key=lambda index: order.index(parts[index].side))
+    runs = [run_of(index, parts[index].roles.get(role, ())) for index in along]
+    runs = runs if role == "waist" else [run[::-1] for run in runs]  # lower edges run the other way
+    return tuple(side for run in runs for side in run)
 
 
 def _gores(parts: Sequence[Part]) -> Iterable[Joint]:

@@ -19,7 +19,7 @@ WORDS = (
         r"|\bvies\b|solapa de bols|tasca|fodera|\bpassante|paramontura|ripiego|\bpatta\b|taschino|sbieco"
         r"|kiesze|podszew|obloz|kapsa|podsivk|karman|podklad|\bобтачк|подборт|підборт|кишен|карман|подклад|клапан|шлевк|шлівк|підклад|дублер|\bcep\b"
         r"|cebi|astar|\bpervaz|\blomme|\bficka|tasku|vuori|tuki\b|lisake|kou ?dai|dou ?bu|li ?bu|gua ?mian|口袋|袋布"
-        r"|袋盖|里布|里料|贴边|挂面|衬|门襟|ポケット|見返し|裏地|주머니|안감",
+        r"|袋盖|里布|里料|贴边|挂面|衬|门襟|ポケット|見返し|裏地|주머니|안감|zseb|belebujt|\bbeles|buzunar|captuseal",
     ),
     (
         "hem_band",
@@ -31,25 +31,26 @@ WORDS = (
         "cuff",
         r"cuff|\bb(ue|u)ndchen\b|a(e|)rmelb(ue|u)ndchen|manschette|manchet|(?<!hals)boord\b|poignet|\bpun(h)?o"
         r"|polsino|\bpolso|mankiet|manzet|манжет|\bmanset|linning|\bmudd\b|kalvosin|xiu ?kou|\bke ?fu|袖口"
-        r"|克夫|袖头|袖克|カフス|커프스|소매단",
+        r"|克夫|袖头|袖克|カフス|커프스|소매단|mandzsetta|kezelo\b|\bmanseta\b",
     ),
     (
         "hood",
         r"\bhood|hood\b|kapuze|capuch|cappuccio|capuz|kaptur|kapuc|kapyuson|kapuson|kapisjong|hette"
-        r"|hatta\b|huppu|капюшон|\bmao ?(zi|pian)?\b|\bmaozi|帽|フード|후드",
+        r"|hatta\b|huppu|капюшон|\bmao ?(zi|pian)?\b|\bmaozi|帽|フード|후드|csuklya|\bgluga",
     ),
     (
         "waistband",
         r"waist[ _-]*(band|rib)|\bwb\b|hosenbund|rockbund|\bbund\b|formbund|tailleband|ceinture|cintur"
         r"|pretina|\bcos\b|pasek|pas do spodni|pasove|пояс|\bpoyas|\bkemer|linning(en)? i livet"
-        r"|midjelinning|vyotaro|yao ?tou|腰头|腰頭|腰带|ベルト|허리",
+        r"|midjelinning|vyotaro|yao ?tou|腰头|腰頭|腰带|ベルト|허리|derekpant|ovpant|\bbetelie",
     ),
     (
         "collar",
         r"collar|\bstand\b|neck[ _-]*(band|rib|bind|line)|rib[ _-]*neck|kragen|\bsteg\b|halsb(ue|u)ndchen|halsb"
         r"|kraag|halsboord|\bcol\b|pied de col|encolure|bord[ _-]*cote|cuello|\bgola|collarin|colletto|\bcollo\b"
         r"|listino|kolnierz|limec|vorotnik|воротник|\bбейк|комір|стойка|\byaka\b|\bkrage|\bkrave|kaulus"
-        r"|\b(shang|xia|ni|fan)? ?ling(zi|pian|wei|mian|di)?\b|领|領|\beri\b|衿|칼라|카라",
+        r"|\b(shang|xia|ni|fan)? ?ling(zi|pian|wei|mian|di)?\b|领|領|\beri\b|衿|칼라|카라|넥 ?밴드"
+        r"|\bgaller|nyakpant|\bguler|\bplisa dekolt|halsmudd|pruseku|vystrihu",
     ),
     (
         "yoke",
@@ -63,30 +64,30 @@ WORDS = (
     (
         "sleeve",
         r"sleeve|\bslv|(a|ae)rmel|mouw|manche|manga|manica|rekaw|rukav|рукав|\bkol\b|\bkolu\b|\barm\b"
-        r"|\baerme|\bhiha|\bxiu|(da|xiao|qian|hou) ?xiu|\btay\b|袖|スリーブ|소매|\bsode",
+        r"|\baerme|\bhiha|\bxiu|(da|xiao|qian|hou) ?xiu|\btay\b|袖|スリーブ|소매|\bsode|\bujja?\b|\bmaneca",
     ),
     (
         "leg",
         r"\bleg|pants?\b|trouser|jean|hosen?\b|hosen|\bhose|shorts?\b|legging|pantal|broek|jambe|pernera"
         r"|gamba|calca\b|calcas|nogawk|\bspodnie?\b|kalhot|nohavic|bryuk|brjuk|брюк|полов\w* брюк|pantolon"
-        r"|\bpaca\b|byxor|buks|housut|lahje|\bku(zi|pian)?\b|(qian|hou) ?ku|\bchang ?ku|裤|褲|パンツ|바지",
+        r"|\bpaca\b|byxor|buks|housut|lahje|\bku(zi|pian)?\b|(qian|hou) ?ku|\bchang ?ku|裤|褲|パンツ|바지|\bnadrag",
     ),
     (
         "skirt",
         r"skirt|\bgores?\b|rock\b|rockbahn|\bbahn(en)?\b|\brock|\brok\b|jupe|falda|\bsaia|gonna|spodnic|sukne|yubk|юбк|\betek|kjol|nederdel"
-        r"|hame\b|qun|裙|スカート|치마",
+        r"|hame\b|qun|裙|スカート|치마|szoknya|\bfusta",
     ),
     (
         "front",
         r"front|\bftorso|\bfrt?\b|\bf\b|vord|\bvorn|\bvt\b|voorpand|\bvoor|devant|\bavant|delanter|\bfrente|davanti"
         r"|\bdavant|przod|predni|\bpered|полочк|пілочк|перед|\bpolochk|\bon (beden|parca|govde|pantolon|etek|ust)"
-        r"|framsty|framst|\bfram\b|forstyk|etukap|\betu|\bqian|前|\bmae|앞|than truoc",
+        r"|framsty|framst|\bfram\b|forstyk|etukap|\betu|\bqian|前|\bmae|앞|than truoc|\belejer?|\bfata\b",
     ),
     (
         "back",
         r"back|\bbtorso|\bbk\b|\bb\b|r(u|ue)ck|\brt\b|\bdos\b|espald|traser|\bcostas\b|dietro|\bretro|hint(er|en)"
         r"|\bht\b|rear|arriere|achter|\btyl|zadni|spink|спинк|зад|\bzad|\barka|baksty|bakst|\bbak\b|bagstyk"
-        r"|takakap|\btaka|\bhou(?!se|r)|后|後|\bushiro|뒤|than sau",
+        r"|takakap|\btaka|\bhou(?!se|r)|后|後|\bushiro|뒤|than sau|\bhat(a|ulja|so|resz)\b|\bspate\b",
     ),
 )
 # What a piece is cut for, and is not: "front without pocket"

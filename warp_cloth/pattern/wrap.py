@@ -9,6 +9,8 @@ import numpy as np
 from warp_cloth.pattern.curve import Floats
 
 FLAT = 1e-6  # [1/m]
+SLOPE = 0.35  # [m per m] by which a cone starts wider as it goes down: as steep as that, few arms are in its way
+UP = np.array([0.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +54,38 @@ class Wrap:
             + side[:, None] * between(self.across, within)
             - back[:, None] * between(self.outward, within)
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Cone:
+    """A panel that is part of a ring, laid as part of a cone round the trunk, its inner arc on top.
+
+    A point at angle a round the ring's centre, from ``angles[0]`` to ``angles[1]``, starts at the angle in proportion
+    between ``around[0]`` and ``around[1]`` round the trunk, as far below its top as it is from the inner arc.
+    """
+
+    centre: Floats  # of the ring, in the panel [m], shape [2]
+    up: Floats  # unit vector of the panel; angles are from against it, rising to the right of it, shape [2]
+    radius: float  # of the inner arc [m]
+    angles: tuple[float, float]  # [rad]
+    around: tuple[float, float]  # [rad], 0 in front, rising to the wearer's left
+    top: Floats  # the trunk's middle at the top [m], shape [3]
+    left: Floats  # the wearer's, as long as half the trunk is wide there, shape [3]
+    forward: Floats
+
+    def placed(self, points: Floats) -> Floats:
+        """Points of the panel [m], shape [N, 2], where they start, shape [N, 3]."""
+        away = points - self.centre
+        down, aside = -(away @ self.up), away @ np.array([self.up[1], -self.up[0]])
+        share = (np.arctan2(aside, down) - self.angles[0]) / (self.angles[1] - self.angles[0])
+        angle = (self.around[0] + share * (self.around[1] - self.around[0]))[:, None]
+        below = (np.hypot(down, aside) - self.radius)[:, None]
+        left, forward = (way * (1.0 + SLOPE * below / float(np.linalg.norm(way))) for way in (self.left, self.forward))
+        fall = below * float(np.sqrt(1.0 - SLOPE**2))
+        return np.asarray(self.top + np.sin(angle) * left + np.cos(angle) * forward - fall * UP)
+
+
+Laid = Wrap | Cone
 
 
 def flat_wrap(along: Floats, place: Floats, origin: Floats, across: Floats, upward: Floats) -> Wrap:
