@@ -51,14 +51,24 @@ def test_feet_that_no_cloth_may_come_upon_stay_as_they_are(body: Mesh, skeleton:
         feet = Feet(body.points, skeleton, may_be_met=may_be_met)
         feet.draw_in(cloth_above(floor, skeleton), home)
         assert feet.on(body.points, home) is body.points
-        assert list(feet.grow(home)) == []
+        assert list(feet.grow(cloth_above(0.0, skeleton), home)) == []
+
+
+def test_feet_come_out_at_once_where_cloth_has_been_drawn_up(
+    body: Mesh, skeleton: Skeleton, home: list[Points]
+) -> None:
+    feet = Feet(body.points, skeleton, may_be_met=True)
+    feet.draw_in(cloth_above(0.0, skeleton), home)
+    assert len(list(feet.grow(cloth_above(0.5, skeleton), home))) == 1
+    assert feet.on(body.points, home) is body.points
 
 
 def test_feet_are_balls_at_the_ankles_and_come_out_blunt(body: Mesh, skeleton: Skeleton, home: list[Points]) -> None:
     feet = Feet(body.points, skeleton, may_be_met=True)
-    feet.draw_in(cloth_above(0.0, skeleton), home)
+    low = cloth_above(0.0, skeleton)
+    feet.draw_in(low, home)
     of_feet = [(skeleton.limb == leg) & ((skeleton.skin - home[leg][-1]) @ skeleton.up < 0.03) for leg in LEGS]
-    shapes = [feet.on(body.points, home), *(feet.on(body.points, home) for _ in feet.grow(home))]
+    shapes = [feet.on(body.points, home), *(feet.on(body.points, home) for _ in feet.grow(low, home))]
     moved = np.linalg.norm(shapes[0] - body.points, axis=1) > 0.0
     assert np.isin(skeleton.limb[moved], LEGS).all()
     for leg, own in zip(LEGS, of_feet, strict=True):

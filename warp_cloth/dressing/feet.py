@@ -37,15 +37,16 @@ class Feet:
 
     def draw_in(self, cloth: Points, curves: Sequence[Points]) -> None:
         """Draws them in where cloth at these points [m] hangs low enough to come upon those of a body along curves."""
-        if not self._may_be_met or self._length is not None:
-            return
-        highest = max(float(ankle @ self._skeleton.up) for ankle in self._at(curves))
-        if float((cloth @ self._skeleton.up).min()) < highest + NEAR:
+        if self._may_be_met and self._length is None and self._is_near(cloth, curves):
             self._length = 0.0
 
-    def grow(self, home: Sequence[Points]) -> Iterator[None]:
-        """Lets those that are drawn in come out of a body at home, in steps."""
+    def grow(self, cloth: Points, home: Sequence[Points]) -> Iterator[None]:
+        """Lets those that are drawn in come out of a body at home: in steps, or at once if clear of ``cloth`` [m]."""
         if self._length is None:
+            return
+        if not self._is_near(cloth, home):
+            self._length = None
+            yield
             return
         ways = [hull - ankle for (_, _, hull), ankle in zip(self._blunt, self._at(home), strict=True)]
         longest = max(float(np.linalg.norm(way, axis=1).max(initial=0.0)) for way in ways)
@@ -69,6 +70,11 @@ class Feet:
         limb, station = self._skeleton.limb, self._skeleton.station
         owned = [np.flatnonzero((limb == leg) & (station > at)) for leg, at in zip(LEGS, self._ankles, strict=True)]
         return [(own, *_onto_hull(self._points[own])) for own in owned]
+
+    def _is_near(self, cloth: Points, curves: Sequence[Points]) -> bool:
+        """Whether cloth at these points [m] hangs low enough to come upon the feet of a body along these curves."""
+        up = self._skeleton.up
+        return float((cloth @ up).min()) < max(float(ankle @ up) for ankle in self._at(curves)) + NEAR
 
     def _at(self, curves: Sequence[Points]) -> list[Points]:
         """The ankles of a body along these curves [m], each shape [3]."""

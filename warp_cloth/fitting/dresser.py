@@ -292,7 +292,7 @@ class Dresser:
             for step in range(HANGING_STEPS):
                 self._follow(self._body.between(home, away, 1.0 - step / HANGING_STEPS), THICK)
         self._follow(self._body.home, np.inf)
-        for _ in self._feet.grow(home):
+        for _ in self._feet.grow(self.points, home):
             self._step(home, np.inf)
 
     def _sit_down(self, standing: Sequence[Points]) -> None:
