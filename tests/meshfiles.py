@@ -62,6 +62,36 @@ def write_panels(path: Path, points: np.ndarray, mesh: Mesh, scale: float = 1.0)
     return path
 
 
+def write_circle_skirt(
+    path: Path, girth: float, waist: float, half: float, *, rows: int = 10, columns: int = 17
+) -> None:
+    """A skirt of two fans, one 20 cm before the body and one behind it, sewn along their straight edges.
+
+    girth of its waist [m], which starts ``waist`` high [m]; ``half`` the angle of a fan.
+    """
+    inner = girth / (4.0 * half)
+    radius, angle = np.meshgrid(np.linspace(inner, inner + 0.5, rows), np.linspace(-half, half, columns), indexing="ij")
+    across, down = radius * np.sin(angle), radius * np.cos(angle)
+    seam = np.isin(np.arange(columns), (0, columns - 1))
+    corner = np.arange(rows * columns).reshape(rows, columns)
+    vertices, texcoords, faces = [], [], []
+    for side, depth in ((0, 0.2), (1, -0.2)):
+        places = np.stack([across, waist + inner - down, np.where(seam, 0.0, depth) + 0.0 * across], axis=-1)
+        vertices += places.reshape(-1, 3).tolist()
+        texcoords += np.stack([across + 3.0 * side, -down], axis=-1).reshape(-1, 2).tolist()
+        number = corner + side * corner.size + 1
+        welded = np.where(seam, corner + 1, number)  # the fan behind shares the seams' vertices
+        for first, second, third in ((0, 1, 2), (0, 2, 3)):
+            for i in range(rows - 1):
+                for j in range(columns - 1):
+                    quad = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+                    turn = [quad[first], quad[second], quad[third]][:: 1 - 2 * side]
+                    faces.append("f " + " ".join(f"{welded[at]}/{number[at]}" for at in turn))
+    lines = ["v {:.6f} {:.6f} {:.6f}".format(*each) for each in vertices]
+    lines += ["vt {:.6f} {:.6f}".format(*each) for each in texcoords]
+    path.write_text("\n".join(lines + faces) + "\n")
+
+
 def write_ply(path: Path, points: np.ndarray, faces: Faces) -> None:
     """Binary, little endian, float32."""
     head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"

@@ -157,6 +157,20 @@ def test_a_tshirt_that_starts_badly_below_the_shoulders_is_sewn_on_them(tshirt: 
         assert low.over_shoulders(low.onto) == pytest.approx(0.0 if fault else -0.15, abs=0.01)
 
 
+@pytest.mark.parametrize(("span", "moved"), [(2.0, False), (1.4, True)], ids=("adult", "child"))
+def test_what_starts_far_above_the_shoulders_for_who_wears_it_is_sewn_on_them(
+    tshirt: Outfit, span: float, moved: bool
+) -> None:
+    """What falls 25 cm onto an adult's shoulders would be sewn round the head of a child."""
+    (garment,), (wearing,) = tshirt.garments, tshirt.wearing
+    assert wearing is not None
+    skeleton = replace(wearing.skeleton, span=span)
+    above = garment.points + (0.25 - wearing.over_shoulders(garment.points)) * skeleton.up
+    high = Wearing.of(wearing.openings, above, garment.triangles, skeleton)
+    vars(high)["misplaced_at_start"] = []
+    assert high.over_shoulders(high.onto) == pytest.approx(0.0 if moved else 0.25, abs=0.01)
+
+
 def test_a_tshirt_cut_open_in_front_is_for_both_arms_and_all_the_rest(tshirt: Outfit) -> None:
     """Neckline and hem are then one opening, that is for neither head nor legs alone."""
     (wearing,), (garment,) = tshirt.wearing, tshirt.garments

@@ -34,7 +34,7 @@ COVERED = 0.03  # [m] of a sleeve beyond the fingertips, or of a leg beyond the 
 NECK = 0.08  # [m] above the shoulders: a neckline that starts higher is round the head
 LOW = 0.05  # [m] below the shoulders, where what has sleeves stays off them: nothing falls up
 NECK_TO_SLEEVE = 0.2  # [m] from the neckline to the opening of a sleeve, at least; to an armhole it is 0.06 to 0.12
-FAR_SHOULDERS = 0.3  # [m] above or below the shoulders, of what starts beside them: from nearer it falls onto them
+FAR_SHOULDERS = 0.14  # of the span, above or below the shoulders: from nearer, what starts beside them falls onto them
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,13 +291,13 @@ class Wearing:
             is_round_head = above > NECK and self._pierced_by_head(points + shift + to_neck)
             is_under = above < 0.0 and any(HEAD in each.wanted for each in self.misplaced_at_start)
             is_low = above < -LOW and bool(self.start_fault) and self._has_sleeves
-            if is_round_head or is_under or is_low or abs(above) > FAR_SHOULDERS:
+            if is_round_head or is_under or is_low or abs(above) > FAR_SHOULDERS * skeleton.span:
                 shift = shift - skeleton.up * above
                 to_neck = self._onto_neck(points + shift)  # there; an adult's neckline is above a child's head
             shift = shift + to_neck
         elif sleeves:
             up = float((skeleton.shoulders - np.mean(sleeves, axis=0)) @ skeleton.up)
-            shift = shift + skeleton.up * (up if abs(up) > FAR_SHOULDERS else 0.0)
+            shift = shift + skeleton.up * (up if abs(up) > FAR_SHOULDERS * skeleton.span else 0.0)
         elif self.hangs_from_waist and is_wrong:
             middles = [points[opening.loop].mean(axis=0) for opening in self._round_trunk]
             up = -max(float((middle - skeleton.middle) @ skeleton.up) for middle in middles)

@@ -19,6 +19,7 @@ from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Points
 from warp_cloth.dressing.catching_up import PULLED, catch_up
+from warp_cloth.dressing.feet import Feet
 from warp_cloth.dressing.loose_cloth import STEP as MEETING_STEP
 from warp_cloth.dressing.loose_cloth import loose_cloth, met
 from warp_cloth.dressing.panels import parted
@@ -116,7 +117,10 @@ class Dresser:
             self._pose(garments[0].points, lifted)
         self._curves: Sequence[Points] = self._posed
         self._thickness = THIN
-        self._surface, self._slid = self._body.points(self._posed, THIN), self._body.slid(self._posed)
+        self._feet = Feet(avatar.points, wearing.skeleton, may_be_met=LEGS in wearing.limbs and worn is None)
+        self._feet.draw_in(garments[0].points, self._posed)
+        self._surface = self._feet.on(self._body.points(self._posed, THIN), self._posed)
+        self._slid = self._body.slid(self._posed)
         sewn = replace(outfit, garments=garments, avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
         clock.lap("dress")
@@ -228,6 +232,7 @@ class Dresser:
             if after is not None:
                 after()
             points = self.points
+            self._feet.draw_in(points, self._curves)
             slow = float(((before - points) @ self.wearing.skeleton.up).max()) < SLOW
             if slow and not self.in_the_way:
                 return True
@@ -287,6 +292,8 @@ class Dresser:
             for step in range(HANGING_STEPS):
                 self._follow(self._body.between(home, away, 1.0 - step / HANGING_STEPS), THICK)
         self._follow(self._body.home, np.inf)
+        for _ in self._feet.grow(self.points, home):
+            self._step(home, np.inf)
 
     def _sit_down(self, standing: Sequence[Points]) -> None:
         """Lets standing legs sit down lean, since thighs and shins would pinch what is between them, and grow there."""
@@ -325,7 +332,8 @@ class Dresser:
 
     def _step(self, curves: Sequence[Points], thickness: float, *, takes_cloth: bool = True) -> None:
         """Moves the body there, and the cloth with it, but for what the trunk slides along itself; [m]."""
-        surface, slid = self._body.points(curves, thickness), self._body.slid(curves)
+        self._feet.draw_in(self.points, self._curves)
+        surface, slid = self._feet.on(self._body.points(curves, thickness), curves), self._body.slid(curves)
         if takes_cloth:
             exact = build_exact_collider(replace(self._avatar, points=self._surface), self._device)
             self._problem.model.set_points(followed(exact, surface - (slid - self._slid), self.points))
