@@ -269,7 +269,7 @@ def write_table(rows: list[str], load: float) -> None:
         "# A newcomer's second hour, by its ten headings",
         "",
         f"`python tests/benchmarks/newcomer_headings.py --write`: {hardware('cpu', 0)}, commit {commit()},",
-        f"{date.today()}; kernels compiled before. {load:.0f} processes competed for the cores when it began.",
+        f"{date.today()}; kernels compiled before. Processes that competed for the cores when it began: {load:.0f}.",
         "Seconds are a wait, a server's until it tells its address.",
         "Pictures of headings 1 to 5, 7 and 9 were looked at; what a command must print and write the script checks.",
         "",
