@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bodies import sure_skeleton
 from meshfiles import write_circle_skirt
 
 from warp_cloth.anatomy.openings import LEGS
-from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
+from warp_cloth.anatomy.skeleton import Skeleton
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.dressing.feet import BLUNT, NEAR, STEP, Feet, _onto_hull
@@ -29,9 +30,7 @@ def body() -> Mesh:
 
 @pytest.fixture(scope="module")
 def skeleton(body: Mesh) -> Skeleton:
-    found = skeleton_of(body)
-    assert found is not None
-    return found
+    return sure_skeleton(body)
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bodies import sure_skeleton
 from meshfiles import write_obj
 
-from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
+from warp_cloth.anatomy.skeleton import Skeleton
 from warp_cloth.anatomy.standing import moved_from_standing
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.loading import load_mesh
@@ -32,9 +33,7 @@ def on_floor(points: Points) -> Points:
 
 def skeleton(folder: Path, body: Mesh, points: Points) -> Skeleton:
     write_obj(folder / "body.obj", points, body.triangles)
-    found = skeleton_of(load_mesh(folder / "body.obj", role="avatar", key="avatar"))
-    assert found is not None
-    return found
+    return sure_skeleton(load_mesh(folder / "body.obj", role="avatar", key="avatar"))
 
 
 @pytest.fixture

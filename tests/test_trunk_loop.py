@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bodies import sure_skeleton
 from judging import judge, loaded
 from meshfiles import write_obj
 
 from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import ARMS, LEGS, openings_of
-from warp_cloth.anatomy.skeleton import HEAD, Skeleton, skeleton_of
+from warp_cloth.anatomy.skeleton import HEAD, Skeleton
 from warp_cloth.anatomy.trunk_loop import trunk_loop
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.topology import build_topology
@@ -30,9 +31,7 @@ def body() -> Mesh:
 
 @pytest.fixture(scope="module")
 def skeleton(body: Mesh) -> Skeleton:
-    found = skeleton_of(body)
-    assert found is not None
-    return found
+    return sure_skeleton(body)
 
 
 @pytest.fixture(scope="module")

@@ -89,18 +89,19 @@ def _onto_hull(points: Points) -> tuple[Points, Points]:
     """
     from scipy.spatial import ConvexHull, QhullError
 
-    middle = points.mean(axis=0) if len(points) else np.zeros(3)
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError):
-        hull = None
-    if hull is not None:
-        middle = points[hull.vertices].mean(axis=0)
-    off = points - middle
-    out = off / np.maximum(np.linalg.norm(off, axis=1, keepdims=True), 1e-9)
-    if hull is None:
-        return out, points
+        return _ways_out(points, points.mean(axis=0) if len(points) else np.zeros(3)), points
+    middle = points[hull.vertices].mean(axis=0)
+    out = _ways_out(points, middle)
     normals, offsets = hull.equations[:, :3], hull.equations[:, 3]
     rates = out @ normals.T  # at which each comes nearer to the planes of the hull's faces
     ways = np.divide(-(normals @ middle + offsets), rates, out=np.full_like(rates, np.inf), where=rates > 1e-9)
     return out, middle + ways.min(axis=1, keepdims=True) * out
+
+
+def _ways_out(points: Points, middle: Points) -> Points:
+    """Unit vectors from the middle through each point, shape [N, 3]; zero for one in the middle."""
+    off = points - middle
+    return np.asarray(off / np.maximum(np.linalg.norm(off, axis=1, keepdims=True), 1e-9))

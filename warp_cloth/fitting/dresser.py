@@ -332,11 +332,12 @@ class Dresser:
 
     def _step(self, curves: Sequence[Points], thickness: float, *, takes_cloth: bool = True) -> None:
         """Moves the body there, and the cloth with it, but for what the trunk slides along itself; [m]."""
-        self._feet.draw_in(self.points, self._curves)
+        points = self.points
+        self._feet.draw_in(points, self._curves)
         surface, slid = self._feet.on(self._body.points(curves, thickness), curves), self._body.slid(curves)
         if takes_cloth:
             exact = build_exact_collider(replace(self._avatar, points=self._surface), self._device)
-            self._problem.model.set_points(followed(exact, surface - (slid - self._slid), self.points))
+            self._problem.model.set_points(followed(exact, surface - (slid - self._slid), points))
         self._curves, self._thickness = curves, min(thickness, THICK)
         self._surface, self._slid = surface, slid
         self._meet_body()

@@ -66,7 +66,8 @@ def _corrected(
     By Broyden's method on logarithms: a belly over the hips is measured with them, so that one measure's correction
     moves another.
     """
-    values, slope = np.log(goal), np.eye(len(goal))  # slope: of what is read over what is set
+    wanted_logs = values = np.log(goal)
+    slope = np.eye(len(goal))  # of what is read over what is set
     best: tuple[float, MannequinMeasures, Mesh] | None = None
     step = before = np.zeros(len(goal))
     for index in range(ROUNDS):
@@ -86,7 +87,7 @@ def _corrected(
         now = np.log(found)
         if index > PLAIN_ROUNDS:
             slope = slope + np.outer(now - before - slope @ step, step) / (step @ step)
-        step, before = np.clip(np.linalg.solve(slope, np.log(goal) - now), -LARGEST_STEP, LARGEST_STEP), now
+        step, before = np.clip(np.linalg.solve(slope, wanted_logs - now), -LARGEST_STEP, LARGEST_STEP), now
         values = values + step
     return best
 

@@ -82,10 +82,10 @@ class _Drawn:
 def told_by_shape(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
     """The pieces of a garment, of which no name tells any, with what they are by shape; and notes on that.
 
-    Where some names tell, the others' pieces are told only by a shape that agrees with all of these names.
+    Where some names tell, the other pieces are identified by shape only if shapes agree with all of these names.
     """
     if any(piece.what.kind for piece in pieces) or len(pieces) < 2:
-        return _beside_named(_with_facings(pieces))
+        return _among_named(_with_facings(pieces))
     kinds = _Kinds(pieces)
     found = kinds.found()
     if not found:
@@ -99,10 +99,10 @@ def told_by_shape(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
     return out, [f"no names tell what pieces are; by their shapes {said}"]
 
 
-def _beside_named(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
-    """The pieces, and notes, with what those are by shape whose names say nothing beside others' that do.
+def _among_named(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
+    """The pieces, those whose names say nothing identified by shape among others whose names do; and notes on that.
 
-    None is told where shapes do not tell what the names do. A strip as long as the hem may be a belt: it stays unknown.
+    None is, where shapes contradict the names. A strip as long as the hem may be a belt: it stays unknown.
     """
     out = list(pieces)
     outer = [index for index, piece in enumerate(pieces) if piece.what.kind != "none"]
@@ -168,7 +168,7 @@ class _Kinds:
         return self._found if known else {}
 
     def told(self) -> dict[int, Named]:
-        """What each piece is that is told, whatever stays unknown."""
+        """The kinds of the pieces that shapes identify, whatever stays unknown."""
         self._find()
         return self._found
 

@@ -70,12 +70,8 @@ def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Laid | None:
         "yoke": lambda: _trunk(part, figure, False) if part.roles else None,
         "side_front": lambda: _side_panel(parts, index, figure, True),
         "side_back": lambda: _side_panel(parts, index, figure, False),
-        "skirt_front": lambda: (
-            cone(parts, index, figure) or _trunk(part, figure, True, _side_panel_width(parts, index))
-        ),
-        "skirt_back": lambda: (
-            cone(parts, index, figure) or _trunk(part, figure, False, _side_panel_width(parts, index))
-        ),
+        "skirt_front": lambda: _skirt(parts, index, figure, True),
+        "skirt_back": lambda: _skirt(parts, index, figure, False),
         "side_skirt_front": lambda: _side_panel(parts, index, figure, True),
         "side_skirt_back": lambda: _side_panel(parts, index, figure, False),
         "gore": lambda: cone(parts, index, figure) or gore(parts, index, figure),
@@ -89,7 +85,7 @@ def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Laid | None:
     return by_kind[part.kind]() if part.kind in by_kind else None
 
 
-def _skirt(parts: Sequence[Part], index: int, figure: Figure, is_front: bool) -> Laid:
+def _skirt(parts: Sequence[Part], index: int, figure: Figure, is_front: bool) -> Laid | None:
     return cone(parts, index, figure) or _trunk(parts[index], figure, is_front, _side_panel_width(parts, index))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.loops import turns_of
 from warp_cloth.pattern.roles import BENT, Roles, Shape
 
 LEAST_TURN = np.radians(75.0)  # of a waist's arc; less is a skirt that hangs as drawn, its waist a little hollow
@@ -48,23 +49,17 @@ def ring_of(edges: Sequence[Chain], half: bool) -> Ring | None:
         return None
     up = _middle(edges, runs[waist]) - _middle(edges, low)
     ends = {"waist": runs[waist], "hem": low}
-    if half:
-        plumb = {mark: _direction(edges, run) for mark, run in (("-", down), ("+", rise))}
-        centre = [mark for mark, way in plumb.items() if abs(way[0]) < PLUMB * abs(way[1])]
-        if len(centre) != 1:
-            return None
-        side = "-" if centre[0] == "+" else "+"
-        named = {"-": down, "+": rise}
-        up = np.array([0.0, np.sign(up[1])])
-        return Ring(ends | {"centre": named[centre[0]], f"side{side}": named[side]}, up)
-    return Ring(ends | {"side-": down, "side+": rise}, up / np.linalg.norm(up))
+    if not half:
+        return Ring(ends | {"side-": down, "side+": rise}, up / np.linalg.norm(up))
+    if _is_plumb(edges, down) == _is_plumb(edges, rise):
+        return None
+    centre, side, mark = (down, rise, "+") if _is_plumb(edges, down) else (rise, down, "-")
+    return Ring(ends | {"centre": centre, f"side{mark}": side}, np.array([0.0, np.sign(up[1])]))
 
 
 def _turn(edge: Chain) -> float:
     """How far an edge turns to the left on its way [rad]."""
-    steps = np.diff(edge.points, axis=0)
-    a, b = steps[:-1], steps[1:]
-    return float(np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1)).sum())
+    return float(turns_of(edge.points)[1:-1].sum())
 
 
 def _middle(edges: Sequence[Chain], run: Sequence[int]) -> Floats:
@@ -72,5 +67,7 @@ def _middle(edges: Sequence[Chain], run: Sequence[int]) -> Floats:
     return np.asarray(np.average(middles, axis=0, weights=[edges[k].length for k in run]))
 
 
-def _direction(edges: Sequence[Chain], run: Sequence[int]) -> Floats:
-    return np.asarray(edges[run[-1]].end - edges[run[0]].start)
+def _is_plumb(edges: Sequence[Chain], run: Sequence[int]) -> bool:
+    """Whether a run goes straight along the grain, as a front's centre does."""
+    across, along = np.abs(edges[run[-1]].end - edges[run[0]].start)
+    return bool(across < PLUMB * along)
