@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.anatomy.geodesics import Floats
+from warp_cloth.anatomy.geodesics import Floats, row_lengths
 from warp_cloth.anatomy.openings import ARMS, LEGS
+from warp_cloth.anatomy.outermost import outermost_distances
 from warp_cloth.anatomy.raising import raised_limb, standing_leg
 from warp_cloth.anatomy.skeleton import TRUNK, Skeleton
 from warp_cloth.base.curves import arc_lengths, resampled
@@ -17,6 +18,7 @@ from warp_cloth.dressing.routes import smoothed
 
 STATIONS = 60  # along each curve
 SMOOTHING = 3  # times that tangents are smoothed
+TINY = 1e-9  # [m]
 ROOT = 20  # points along the part of a limb's curve that leads from the spine to its joint
 
 
@@ -37,11 +39,12 @@ class PosedBody:
         self._of_limb = [np.flatnonzero(limb == number) for number in range(TRUNK)]
         self._of_trunk = np.flatnonzero(limb == TRUNK)
         self._turns = ~(chest_stays & np.isin(limb, ARMS) & (skeleton.limb == TRUNK))[:, None]
-        self._base = skeleton.spine_at(body.points)  # the point that each vertex is thinned towards
+        self.base = skeleton.spine_at(body.points)  # the point that each vertex is thinned towards
         for curve, own in zip(self.home[:TRUNK], self._of_limb, strict=True):
-            self._base[own] = _at(curve, self._station[own])
-        self._offset = body.points - self._base
-        off = self._base[self._of_trunk][:, None] - self.home[TRUNK]
+            self.base[own] = _at(curve, self._station[own])
+        self._offset = body.points - self.base
+        self._shares = _shares(body, limb, self._offset)
+        off = self.base[self._of_trunk][:, None] - self.home[TRUNK]
         self._station[self._of_trunk] = np.linalg.norm(off, axis=2).argmin(axis=1) / (STATIONS - 1)
 
     def _with_roots(self, points: Points) -> tuple[NDArray[np.int8], Floats]:
@@ -66,20 +69,24 @@ class PosedBody:
         return limb, station
 
     def points(self, curves: Sequence[Points], thickness: float) -> Points:
-        """The vertices along these curves, the trunk's last, at most ``thickness`` off them [m], shape [V, 3]."""
-        base, offset = self._base + self.slid(curves), self._offset.copy()
+        """The vertices along these curves, the trunk's last, at most ``thickness`` off them [m], shape [V, 3].
+
+        Those within a limb stay within it.
+        """
+        base, offset = self.base + self.slid(curves), self._offset.copy()
         for number, (curve, own) in enumerate(zip(curves[:TRUNK], self._of_limb, strict=True)):
             station = self._station[own]
             base[own] = _at(curve, station)
             tangents = _at(self._tangents[number], station), _at(_tangents(curve), station)
             offset[own] = np.where(self._turns[own], _rotated(offset[own], *tangents), offset[own])
         length = np.linalg.norm(offset, axis=1, keepdims=True)
-        found: Points = base + offset * np.minimum(1.0, thickness / np.maximum(length, 1e-9))
+        most = thickness * self._shares[:, None]
+        found: Points = base + offset * np.minimum(1.0, most / np.maximum(length, TINY))
         return found
 
     def slid(self, curves: Sequence[Points]) -> Points:
         """How far the trunk's vertices are drawn up along it, from home [m], shape [V, 3]."""
-        moves = np.zeros_like(self._base)
+        moves = np.zeros_like(self.base)
         moves[self._of_trunk] = _at(curves[TRUNK] - self.home[TRUNK], self._station[self._of_trunk])
         return moves
 
@@ -126,6 +133,23 @@ class PosedBody:
     def between(first: Sequence[Points], last: Sequence[Points], fraction: float) -> list[Points]:
         """The curves between two sets of them, 0 and 1: directions and lengths of their segments in between."""
         return [_between(*pair, fraction) for pair in zip(first, last, strict=True)]
+
+
+def _shares(body: Mesh, limb: NDArray[np.int8], offset: Points) -> Floats:
+    """How far out each vertex is on its limb, as a fraction of how far that reaches there, shape [V].
+
+    What lies within a limb, as a mouth does in a head, would be drawn onto one surface with the skin, and keep cloth
+    that lies there as the skin grows: a high collar ended between the teeth, torn.
+    """
+    length = row_lengths(offset)
+    out = offset / np.maximum(length, TINY)[:, None]
+    shares = np.ones(len(length))
+    for number in range(TRUNK + 1):
+        own = np.flatnonzero((limb == number) & (length > TINY))
+        triangles = body.triangles[(limb[body.triangles] == number).all(axis=1)]
+        reach = outermost_distances(body.points, triangles, body.points[own] - offset[own], out[own])
+        shares[own] = np.minimum(1.0, length[own] / np.maximum(reach, TINY))
+    return shares
 
 
 def _between(home: Points, posed: Points, fraction: float) -> Points:
