@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from warp_cloth.garment.outfit import load_outfit
-from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience
+from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience, best_of
 from warp_cloth.model.next_attempt import FEW_CROSSINGS, MOST_ITERATIONS, SLIDES, first_attempt, next_attempt
 from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
@@ -346,3 +346,18 @@ def test_what_came_off_is_told_not_the_same_on_its_way_there() -> None:
     )
     ends = [tangled, sliding, came_off, hangs, worn]
     assert sorted(ends, key=lambda each: each.rank) == ends
+
+
+def test_what_still_hung_on_its_way_down_is_not_told() -> None:
+    """A skirt far too wide for a child was told to be moving, as it was long before it lay at the feet."""
+    attempt = first("hanging")
+    hangs = Ended(attempt, LIMIT, 0, VERTICES)
+    slides_down = Ended(replace(attempt, begins_after=0), LIMIT, 0, VERTICES, sunk=True, misplaced=True)
+    lies = Ended(replace(attempt, begins_after=1), REST, 0, VERTICES, sunk=True, misplaced=True)
+    assert best_of([hangs, slides_down, lies]) == 2
+    assert best_of([hangs, replace(slides_down, sunk=False), lies]) == 2
+    assert best_of([hangs, slides_down]) == 0  # nothing tells where it will lie
+    elsewhere = replace(lies, attempt=replace(attempt, begins_after=None))
+    assert best_of([hangs, elsewhere]) == 0  # another start
+    rests = replace(hangs, status=REST)
+    assert best_of([rests, slides_down, lies]) == 0

@@ -20,7 +20,7 @@ from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.fitting.placement import LimbPlacement
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.model.attempt import TORN, Attempt, Ended
+from warp_cloth.model.attempt import TORN, Attempt, Ended, best_of
 from warp_cloth.model.next_attempt import next_attempt
 from warp_cloth.model.result import AttemptRun, LevelRun, Status
 from warp_cloth.solver.certificate.strains import edge_strains
@@ -82,7 +82,7 @@ class Course:
     @property
     def best(self) -> Run:
         """The last of the best runs."""
-        return max(enumerate(self.runs), key=lambda numbered: (*numbered[1].ended.rank, numbered[0]))[1]
+        return self.runs[best_of([run.ended for run in self.runs])]
 
     @property
     def seconds(self) -> float:

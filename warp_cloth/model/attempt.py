@@ -5,7 +5,8 @@ An attempt is a plain scene, so that nothing else knows of "auto".
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from warp_cloth.base.choice import Choice
@@ -122,3 +123,19 @@ class Ended:
         finite = self.status is not Status.DIVERGED and not self.attempt.slides
         placed, held, covers = not self.misplaced or self.came_off, not (self.sunk or self.slipped), not self.shown
         return finite, self.well, placed, held, covers, self.apart and rests, self.apart, -self.torn, -self.crossings
+
+
+def best_of(history: Sequence[Ended]) -> int:
+    """The number of the best attempt, the last of equals.
+
+    One that is not at rest is held no better than what went on from it: it was on its way down.
+    """
+    own = list(history)
+    for number in reversed(range(len(own))):
+        after = own[number]
+        before = after.attempt.begins_after
+        if before is None or after.attempt.slides or own[before].status is Status.AT_REST:
+            continue
+        sunk, slipped = own[before].sunk or after.sunk, own[before].slipped or after.slipped
+        own[before] = replace(own[before], sunk=sunk, slipped=slipped)
+    return max(range(len(own)), key=lambda number: (*own[number].rank, number))

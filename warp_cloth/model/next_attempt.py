@@ -15,7 +15,7 @@ import numpy as np
 from warp_cloth.base.choice import Choice
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience
+from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience, best_of
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
 
@@ -172,7 +172,7 @@ def _may_pad(stated: Scene) -> bool:
 
 def _last_resort(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     """What is tried where all else ended badly: cloth tugged into place, then another way of sewing it."""
-    best, stated = max(history, key=lambda each: each.rank), history[0].attempt.stated
+    best, stated = history[best_of(history)], history[0].attempt.stated
     if best.good or stated.solver.iterations is not None or stated.solver.method != "auto":
         return None
     torn = [each for each in history if each.torn and each.ended_placed]
