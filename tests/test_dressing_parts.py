@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
@@ -20,7 +21,7 @@ from warp_cloth.dressing.loose_cloth import met
 from warp_cloth.dressing.panels import CLOSED, legs_parted, skirt_closed
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import Route, _is_armhole, _turned_up, curves_of
-from warp_cloth.fitting import posed_start
+from warp_cloth.fitting import dresser, posed_start
 
 SHOULDER = np.array([0.2, 1.4, 0.0])
 
@@ -306,3 +307,26 @@ def test_what_crosses_on_a_body_that_has_grown_again_is_pressed_out_from_where_i
     names = [name for name, *_ in done]
     assert names == ["untangle", "grow", "come_home", *(["press_out"] if crosses else []), "ended"]
     assert not crosses or done[-2][1] is thin
+
+
+@pytest.mark.parametrize(
+    ("torn", "tugs"), [([0, 0, 0], 2), ([3, 2, 2], 2), ([0, 0, 1], 1), ([5, 6], 0)], ids=str
+)  # fmt: skip
+def test_straps_are_tugged_until_they_lie_well_or_tear(
+    monkeypatch: pytest.MonkeyPatch, torn: list[int], tugs: int
+) -> None:
+    """The tug that tears more edges than were torn is taken back."""
+    counts = itertools.chain.from_iterable(itertools.pairwise([*torn, 0]))  # before and after each tug
+    moves = iter([*[0.01] * (len(torn) - 1), None])
+    monkeypatch.setattr(
+        dresser, "tugged", lambda shoulders, points, triangles: None if (by := next(moves)) is None else points + by
+    )
+    shirt: Any = SimpleNamespace(
+        points=np.zeros((1, 3)),
+        wearing=SimpleNamespace(shoulders=None, triangles=None),
+        _stretched=lambda strain: next(counts),
+        _relax_after=lambda: None,
+    )
+    shirt._put = lambda points: setattr(shirt, "points", points)
+    dresser.Dresser.lay_straps(shirt)
+    np.testing.assert_allclose(shirt.points, 0.01 * tugs)

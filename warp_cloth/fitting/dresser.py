@@ -53,7 +53,6 @@ PULLS = 60  # at most
 NEAR = 0.003  # [m] from where they are pulled to
 BELOW_CROTCH = 0.03  # [m] that they stay under the body's crotch, where growing thighs would pinch them
 TUGS = 30  # at most, with which straps are laid on the shoulders
-TAUT = 0.002  # fraction of edges stretched as no worn cloth is, at which they do not give, as of tight sleeves
 LOWERING_STEPS = 40  # in which a garment that starts above the shoulders comes down onto them
 GROWTH = 2.0  # exponent of the thickness over the steps: slow while limbs move
 GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
@@ -180,7 +179,10 @@ class Dresser:
         self._move_up(self.wearing.rise(self.points))
 
     def _move_up(self, rise: float) -> None:
-        self._problem.model.set_points(self.points + rise * self.wearing.skeleton.up)
+        self._put(self.points + rise * self.wearing.skeleton.up)
+
+    def _put(self, points: Points) -> None:
+        self._problem.model.set_points(points)
         self._meet_body()
 
     def pull_on(self) -> None:
@@ -243,8 +245,7 @@ class Dresser:
         """Moves the opening that starts highest to where it started, and the cloth next to it along."""
         near = np.clip(1.0 - self.wearing.top.distances / HELD, 0.0, 1.0)
         rise = near * self.wearing.drop(self.points)
-        self._problem.model.set_points(self.points + rise[:, None] * self.wearing.skeleton.up)
-        self._meet_body()
+        self._put(self.points + rise[:, None] * self.wearing.skeleton.up)
 
     def grow(self, steps: int, *, posed: float) -> None:
         """Lets the body grow where ``posed`` has it, in steps of a burst each."""
@@ -268,20 +269,21 @@ class Dresser:
         """Takes the body home, growing if it has not grown yet, in bursts, but for the limbs that come home last."""
         for step in range(1, steps):
             done = step / steps
-            if is_grown:
-                self._take(1.0 - done, THICK)
-            else:
-                self._take(max(1.0 - done / POSED_FOR, 0.0), _thickness(done))
+            growing = max(1.0 - done / POSED_FOR, 0.0), _thickness(done)
+            self._take(*((1.0 - done, THICK) if is_grown else growing))
 
     def lay_straps(self) -> None:
-        """Tugs the straps of a garment inwards along the shoulders, while arms are still raised."""
+        """Tugs the straps of a garment inwards along the shoulders, while arms are still raised, unless that tears."""
         for _ in range(TUGS):
-            moved = tugged(self.wearing.shoulders, self.points, self.wearing.triangles)
-            if moved is None or float((edge_strains(self._problem.model) > TORN).mean()) > TAUT:
+            before, torn = self.points, self._stretched(TORN)
+            moved = tugged(self.wearing.shoulders, before, self.wearing.triangles)
+            if moved is None:
                 break
-            self._problem.model.set_points(moved)
-            self._meet_body()
-            self._relax(BURST)
+            self._put(moved)
+            self._relax_after()
+            if self._stretched(TORN) > torn:  # as of tight sleeves
+                self._put(before)
+                break
 
     def come_home(self) -> None:
         """Takes the limbs home that come last, and lets the body be whole."""
@@ -341,12 +343,16 @@ class Dresser:
         self._curves, self._thickness = curves, min(thickness, THICK)
         self._surface, self._slid = surface, slid
         self._meet_body()
-        self._relax(BURST)
-        catch_up(self._pulled, partial(self._relax, BURST))
+        self._relax_after()
 
-    def _pulled(self) -> int:
-        """How many edges are stretched beyond PULLED."""
-        return int((edge_strains(self._problem.model) > PULLED).sum())
+    def _relax_after(self) -> None:
+        """Relaxes a burst, and more while cloth comes after what has moved."""
+        self._relax(BURST)
+        catch_up(partial(self._stretched, PULLED), partial(self._relax, BURST))
+
+    def _stretched(self, strain: float) -> int:
+        """How many edges are stretched by more than that."""
+        return int((edge_strains(self._problem.model) > strain).sum())
 
     def ended(self) -> PosedStart:
         points = self.points
