@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from warp_cloth.fitting.problem import load_problem
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience, best_of
 from warp_cloth.model.next_attempt import FEW_CROSSINGS, MOST_ITERATIONS, SLIDES, first_attempt, next_attempt
@@ -255,6 +257,21 @@ def test_what_slid_off_a_shoulder_slides_anew_at_once() -> None:
     assert following(*history, Ended(anew, LIMIT, 0, VERTICES), Ended(last, REST, 0, VERTICES)) is None
 
 
+def test_what_is_torn_at_an_edge_or_two_once_dressed_slides_before_it_is_sewn_otherwise() -> None:
+    posed = replace(first("tshirt", *SMALL_SHIRT), posed=True)
+    nearly = Ended(posed, REST, 0, VERTICES, torn=1)
+    slides = following(nearly)
+    assert (slides.begins_after, slides.slides) == (0, 1)
+    rubs = following(nearly, Ended(slides, LIMIT, 0, VERTICES))
+    history = [nearly, Ended(slides, LIMIT, 0, VERTICES), Ended(rubs, REST, 0, VERTICES, torn=1)]
+    anew = following(*history)
+    history += [Ended(anew, LIMIT, 0, VERTICES, torn=1)]
+    history += [Ended(following(*history), REST, 0, VERTICES, torn=1)]
+    levels = following(*history)
+    assert decisions(levels) == ("multilevel", False, None)
+    assert decisions(following(*history, Ended(levels, REST, 9, VERTICES))) == ("accelerated", True, 5)
+
+
 def test_what_slid_is_never_the_result() -> None:
     sewn, _, slides = sliding()
     assert Ended(slides, REST, 0, VERTICES).rank < sewn.rank
@@ -293,6 +310,20 @@ def test_the_body_stays_padded_where_it_showed_through() -> None:
     assert (decisions(levels), levels.paddings) == (("multilevel", False, 0), 1)
     untangled = following(posed, Ended(levels, REST, 9, VERTICES))
     assert (untangled.begins_after, untangled.paddings) == (1, 1)
+
+
+@pytest.mark.parametrize(("forward", "posed"), [(0.0, False), (0.05, False), (0.5, True)])
+def test_what_moved_clear_of_the_body_would_be_off_its_limbs_is_sewn_round_the_posed_body(
+    forward: float, posed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def moved(scenes: Any, outfits: Any, *_: Any) -> list[Any]:
+        (outfit,) = outfits
+        (garment,) = outfit.garments
+        move = garment if not forward else replace(garment, points=garment.points + np.array([0.0, 0.0, forward]))
+        return [replace(outfit, garments=(move,))]
+
+    monkeypatch.setattr("warp_cloth.fitting.problem.placed", moved)
+    assert load_problem(load_scene("tshirt", SMALL_SHIRT), "cpu").attempts[0].posed is posed
 
 
 @pytest.mark.parametrize(

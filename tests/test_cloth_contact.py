@@ -17,10 +17,11 @@ from warp_cloth.contact.arrays import LEAST_THICKNESS
 from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.contact.sheets import SheetKind
+from warp_cloth.model.attempt import CutShort, Patience
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.contact_schedule import ContactSchedule
 from warp_cloth.solver.goal import Goal
-from warp_cloth.solver.loop import relax_items
+from warp_cloth.solver.loop import ASTRAY, relax_items
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import StepOptions
 
@@ -230,6 +231,33 @@ def test_cloth_stands_still_while_there_is_no_room_for_all_that_is_near_it() -> 
     assert cloth_contact.grow()
     relaxation.drop_graphs()
     assert not np.array_equal(iterate(relaxation, 20), first)
+
+
+@pytest.mark.parametrize(("patience", "asked"), [(Patience.SHORT, 1), (Patience.LONG, 0)])
+@pytest.mark.parametrize("astray", [False, True])
+def test_what_stays_tangled_round_a_limb_ends_where_another_attempt_may_do_better(
+    patience: Patience, asked: int, astray: bool
+) -> None:
+    class Tangled(ContactSchedule):
+        def advance(self, iteration: int) -> bool:
+            super().advance(iteration)
+            self.tangled_for = iteration
+            return False
+
+    relaxation, cloth_contact = dropped(0.99)
+    schedule = Tangled(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
+    questions: list[bool] = []
+
+    def ask() -> bool:
+        questions.append(astray)
+        return astray
+
+    goal = Goal(Tolerance(0.0, 0.0, 0.0), ASTRAY + 300, patience)
+    (outcome,) = relax_items(Certifier(relaxation), [goal], schedule=schedule, astray=ask)
+    is_cut = astray and asked > 0
+    assert len(questions) == asked
+    assert outcome.cut_short is (CutShort.CROSSING if is_cut else None)
+    assert outcome.iterations == ASTRAY + (0 if is_cut else 300)
 
 
 def test_scattered_and_gathered_forces_meet_cloth_with_the_same_bits() -> None:

@@ -124,3 +124,23 @@ def test_pleats_are_told(tmp_path: Path) -> None:
     front, back, *_ = tshirt()
     path = write(tmp_path / "pleats.dxf", {"M": [replace(front, name="FRONT PLEATED"), back]})
     assert any("pleats are not folded" in note for note in read_drafted(path).notes)
+
+
+@pytest.mark.parametrize("name", ["princess", "jacket"])
+def test_a_middle_panel_of_an_unknown_name_is_told_by_its_seams(name: str, tmp_path: Path) -> None:
+    pieces = [
+        replace(piece, name="XYZ") if "BACK" in piece.name and piece.fold else piece for piece in PANELLED[name]()
+    ]
+    path = write(tmp_path / "unnamed.dxf", {"M": pieces}, Style())
+    assert kinds(read_drafted(path)) == TRUE_PANELLED_SEAMS[name]
+
+
+def test_side_panels_beside_what_may_be_their_middle_one_are_no_halves(tmp_path: Path) -> None:
+    pieces = [piece for piece in PANELLED["princess"]() if piece.name != "CENTER BACK"]
+    (beside,) = (piece for piece in pieces if piece.name == "SIDE BACK")
+    unknown = replace(beside, name="XYZ", edges=band("XYZ", 40.0, 30.0).edges, notches=[])
+    path = write(tmp_path / "unnamed.dxf", {"M": [*pieces, unknown]}, Style())
+    draft = read_drafted(path)
+    backs = {index for index, part in enumerate(draft.parts) if part.kind == "side_back"}
+    assert len(backs) == 2
+    assert not [joint for joint in draft.joints if backs & {side.panel for side in (*joint.one, *joint.other)}]

@@ -310,3 +310,27 @@ def test_what_slopes_down_to_one_side_hangs_from_one_hip(scene_name: str, degree
     if side:
         assert f"slid down on the {side}: its top opening slopes by 28 degrees" in slid[0].message
         assert set(slid[0].vertices) == set(wearing.top.loop.tolist())
+
+
+def test_a_cape_that_starts_as_a_flat_disc_hangs_from_its_neck_and_not_from_its_hem(tmp_path: Path) -> None:
+    sides, radii = 48, np.linspace(0.09, 0.6, 10)
+    turn = 2.0 * np.pi * np.arange(sides) / sides
+    around = np.stack([np.sin(turn), np.zeros(sides), np.cos(turn)], axis=1)
+    ring, side = np.meshgrid(np.arange(len(radii) - 1) * sides, np.arange(sides), indexing="ij")
+    a, b = (ring + side).ravel(), (ring + (side + 1) % sides).ravel()
+    faces = np.concatenate([np.stack([a, b, a + sides], axis=1), np.stack([b, b + sides, a + sides], axis=1)])
+    disc = np.concatenate([radius * around for radius in radii])
+    write_obj(tmp_path / "cape.obj", disc + np.array([0.0, 1.5, 0.0]), faces)
+    garment = {"mesh": str(tmp_path / "cape.obj"), "units": "m", "rest": "mesh"}
+    scene = load_scene({"garment": garment, "avatar": {"shape": {"kind": "mannequin"}}})
+    outfit = load_outfit(scene)
+    (wearing,) = outfit.wearing
+    assert wearing is not None
+    assert wearing.top.girth < 0.6
+    fall = 0.9 * (radii - radii[0])  # a cone
+    worn = 0.44 * disc + np.array([0.0, 1.44, 0.0])
+    worn[:, 1] -= np.repeat(fall, sides)
+    codes = [each.code.value for each in judged_shape(scene, outfit, worn, "cpu").problems]
+    assert "slid_off" not in codes
+    lower = [each.code.value for each in judged_shape(scene, outfit, worn - [0.0, 0.5, 0.0], "cpu").problems]
+    assert "slid_off" in lower

@@ -17,6 +17,9 @@ from warp_cloth.anatomy.skeleton import HEAD, Skeleton
 from warp_cloth.anatomy.trunk_loop import trunk_loop
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.topology import build_topology
+from warp_cloth.model.attempt import Ended
+from warp_cloth.model.next_attempt import first_attempt, next_attempt
+from warp_cloth.model.result import Status
 from warp_cloth.shapes import SIZE_BODIES, mannequin
 
 OFF = 0.01  # [m], of the suit from the skin
@@ -90,3 +93,6 @@ def test_what_slides_off_is_too_small_where_its_trunk_is_short(
     found = judge(scene, outfit, points - [0.0, 0.4, 0.0])
     assert "slid_off" in found
     assert ("too_small" in found and "between the legs" in found["too_small"].message) == (size < 1.0)
+    # and no other start is tried, which would make it no longer
+    torn = Ended(first_attempt(scene, outfit), Status.AT_REST, 0, len(points), torn=9)
+    assert (next_attempt([torn], outfit) is None) == (size < 1.0)

@@ -33,6 +33,7 @@ BUST = 0.4  # of the way from the waist to the shoulders: strapless tops begin a
 COVERED = 0.03  # [m] of a sleeve beyond the fingertips, or of a leg beyond the toes, that is too long
 NECK = 0.08  # [m] above the shoulders: a neckline that starts higher is round the head
 LOW = 0.05  # [m] below the shoulders, where what has sleeves stays off them: nothing falls up
+LEVEL = 0.01  # [m] by which the rims of a disc differ in height, where it starts flat
 NECK_TO_SLEEVE = 0.2  # [m] from the neckline to the opening of a sleeve, at least; to an armhole it is 0.06 to 0.12
 FAR_SHOULDERS = 0.14  # of the span, above or below the shoulders: from nearer, what starts beside them falls onto them
 
@@ -185,8 +186,11 @@ class Wearing:
 
     @cached_property
     def top(self) -> Opening:
-        """The opening that is to start highest."""
-        return max(self.openings, key=lambda opening: float(self.onto[opening.loop].mean(axis=0) @ self.skeleton.up))
+        """The opening that is to start highest; of a flat disc the inner one."""
+        heights = [float(self.onto[opening.loop].mean(axis=0) @ self.skeleton.up) for opening in self.openings]
+        if max(heights) - min(heights) < LEVEL:
+            return min(self.openings, key=lambda opening: opening.girth)
+        return self.openings[int(np.argmax(heights))]
 
     @property
     def _top_over_waist(self) -> float:
@@ -261,6 +265,10 @@ class Wearing:
     def misplaced(self, points: Points) -> list[Misplaced]:
         """The openings that the wrong limbs pass through, with the garment at ``points`` [m]."""
         return misplaced_openings(self.openings, self.limbs, points, self.triangles, self.skeleton)
+
+    def is_astray(self, points: Points) -> bool:
+        """Whether a limb is outside its opening, or within the cloth, with the garment at ``points`` [m]."""
+        return bool(self.pierced(points)) or bool(self.misplaced(points))
 
     @cached_property
     def onto(self) -> Points:

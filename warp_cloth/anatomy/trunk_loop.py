@@ -21,6 +21,9 @@ from warp_cloth.anatomy.tape import Plane
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Indices, Mesh, Points
 
+# What a garment with shoulders and legs must stretch by to go round the trunk lengthwise. Of eight such designs seven
+# are worn on their own bodies, and have 0.02 at most; one slides off the shoulders, with 0.22.
+SHORT = 0.1
 ON_SHOULDER = 0.65  # from the spine to the root of the arm: the middle of the shoulder, beside the neck
 
 
@@ -35,6 +38,11 @@ class TrunkLoop:
     def strain(self) -> float:
         """What the garment has to stretch by, if that is more than 0."""
         return self.body / self.garment - 1.0
+
+    @property
+    def is_short(self) -> bool:
+        """Whether the garment is too short to be worn, wherever it starts."""
+        return self.strain > SHORT
 
 
 def trunk_loop(wearing: Wearing, edges: Indices, lengths: Floats, body: Mesh) -> TrunkLoop | None:

@@ -63,9 +63,7 @@ class Run:
             pairs,
             len(outcome.points),
             torn=self.torn,
-            misplaced=self.placement.pierced
-            or any(self.placement.misplaced)
-            or (self.overlap is not None and len(self.overlap.edges) > 0),
+            misplaced=self.placement.is_astray or (self.overlap is not None and len(self.overlap.edges) > 0),
             sunk=self.placement.sunk,
             slipped=self.placement.slipped,
             shown=self.overlap is not None and float(self.overlap.face_depths.max(initial=0.0)) > 1e-3 * VISIBLE,
@@ -205,6 +203,7 @@ def relax_problem(problem: Problem, on_burst: Callable[[int, Relaxation], None] 
         follow=collider_updates(problem),
         schedule=problem.schedule,
         crosses=problem.crossing_items,
+        astray=problem.is_astray,
         on_burst=on_burst,
     )
 

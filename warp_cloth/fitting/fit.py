@@ -294,5 +294,6 @@ def _relax(problem: Problem, frames: int, progress: Callable[[Progress], None] |
         follow=collider_updates(problem),
         schedule=problem.schedule,
         crosses=problem.crossing_items,
+        astray=problem.is_astray,
         on_check=report_check if progress is not None else None,
     )

@@ -20,6 +20,11 @@ class LimbPlacement:
     off_shoulders: tuple[Limbs, ...] = ()  # arms whose shoulder each garment has slipped off
 
     @property
+    def is_astray(self) -> bool:
+        """Whether a limb is outside its opening, or within the cloth."""
+        return self.pierced or any(self.misplaced)
+
+    @property
     def slipped(self) -> bool:
         """Whether a garment has slipped off a shoulder."""
         return any(self.off_shoulders)

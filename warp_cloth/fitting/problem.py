@@ -22,13 +22,14 @@ from warp_cloth.contact.garments import build_cloth_contact, model_crossings, pl
 from warp_cloth.fitting.avatar_contacts import avatar_contacts
 from warp_cloth.fitting.compile_ahead import compile_ahead
 from warp_cloth.fitting.nested_iteration import start_from_coarse
+from warp_cloth.fitting.placement import LimbPlacement
 from warp_cloth.fitting.poses import PoseRun, follow_poses
 from warp_cloth.garment.garment import terms_of
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import Attempt
 from warp_cloth.model.model import ClothModel, build_model
-from warp_cloth.model.next_attempt import MOST_ITERATIONS, first_attempt
+from warp_cloth.model.next_attempt import MOST_ITERATIONS, first_attempt, posed_first
 from warp_cloth.model.patches.on_device import CutOptions
 from warp_cloth.model.plan import contact_kind
 from warp_cloth.model.result import LevelRun
@@ -131,6 +132,14 @@ class Problem:
         found = model_crossings(self.model, self.outfits)
         return [item for item in items if found[item].pairs]
 
+    def is_astray(self) -> bool:
+        """Whether a limb of the only scene's avatar is outside its opening now, or within the cloth."""
+        self.relaxation.update_model()
+        points = self.model.points()
+        if not np.isfinite(points).all():
+            return False
+        return LimbPlacement.of(self.loaded[0], points).is_astray
+
 
 def problem_kind(scene: Scene, outfit: Outfit) -> tuple[Any, ...]:
     """A key that is equal for scenes that can relax together: their kernels are then those of each alone.
@@ -169,7 +178,8 @@ def load_problem(
     clock.begin("load")
     outfit = load_outfit(scene, mesh_cache)
     clock.lap("load")
-    attempt = first_attempt(scene, outfit, may_pose=may_pose)
+    cache = cache or Cache()
+    attempt = _first_attempt(scene, outfit, device, cache) if may_pose else first_attempt(scene, outfit, may_pose=False)
     return build_problem([attempt], [outfit], device, earlier=earlier, cache=cache, options=options, clock=clock)
 
 
@@ -196,9 +206,9 @@ def build_problem(
         options: of an iteration's step; None: the method's defaults.
         clock: measures the stages.
     """
-    clock = clock or StageClock()
+    clock, cache = clock or StageClock(), cache or Cache()
     attempts = [
-        each if isinstance(each, Attempt) else first_attempt(each, outfit)
+        each if isinstance(each, Attempt) else _first_attempt(each, outfit, device, cache)
         for each, outfit in zip(scenes, outfits, strict=True)
     ]
     if outfits[0].avatar is not None and wp.get_device(device).is_cuda:  # the CPU may find what they do on disk
@@ -206,7 +216,7 @@ def build_problem(
         load_modules(avatar_modules(contact_kind(attempts[0].scene, outfits[0])), device)
         clock.lap("compile")
     clock.begin("build")
-    problem = _assemble(attempts, outfits, device, earlier, cache or Cache(), like, options)
+    problem = _assemble(attempts, outfits, device, earlier, cache, like, options)
     wp.synchronize_device(device)
     clock.lap("build")
     clock.begin("compile")
@@ -222,6 +232,18 @@ def build_problem(
     pose_run = _through_poses(problem)
     clock.lap("carry")
     return replace(problem, certifier=Certifier(relaxation), pose_run=pose_run)
+
+
+def _first_attempt(scene: Scene, outfit: Outfit, device: str, cache: Cache) -> Attempt:
+    """The first attempt, with the avatar posed where garments moved clear of it would be round the wrong limbs."""
+    attempt = first_attempt(scene, outfit)
+    if attempt.posed or not attempt.touches:
+        return attempt
+    (moved,) = placed([attempt.scene], [outfit], device, cache)
+    triples = zip(outfit.garments, moved.garments, outfit.wearing, strict=False)
+    if any(one is not other and wearing and wearing.is_astray(other.points) for one, other, wearing in triples):
+        return posed_first(scene, outfit, "moved clear of the body it would be round the wrong limbs") or attempt
+    return attempt
 
 
 def _assemble(

@@ -109,6 +109,11 @@ class Ended:
         return self.well and not (self.sunk or self.slipped or self.shown)
 
     @property
+    def whole_but_short(self) -> bool:
+        """Whether it rests on its limbs, torn or off the shoulders, as what is too short does."""
+        return self.ended_placed and (self.torn > 0 or self.slipped)
+
+    @property
     def came_off(self) -> bool:
         """Whether it has slid down from the waist whole, and rests there: the limbs may be out of its openings then."""
         return self.sunk and not self.torn and self.apart and self.status is Status.AT_REST

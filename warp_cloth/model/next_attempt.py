@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from warp_cloth.anatomy.trunk_loop import trunk_loop
 from warp_cloth.base.choice import Choice
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import Outfit
@@ -38,6 +39,8 @@ MOST_LEVELLINGS = 2
 # swings down from a clamp rests in a fourteenth of the time.
 FREE_FALLING = 4000
 
+FEW_TORN = 1e-3  # torn edges per vertex, up to which cloth slides whole in a second or two, as a neckline does
+
 UNSEWN = 0.05  # strain of an edge that is to be sewn, at least
 
 MOST_PADDINGS = 3  # of the avatar under faces that it shows through
@@ -52,17 +55,23 @@ SLIDES = (250, 250, 500, 1_000, 2_000)
 
 def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Attempt:
     """What a scene is fitted with first; ``may_pose``: with the avatar posed, where the garments start badly on it."""
-    are_panels = all(garment.rest.source.kind == "uv" for garment in outfit.garments)
-    if may_pose and are_panels and _may_pose(scene, outfit):
-        fault = next((each.start_fault for each in outfit.wearing if each is not None and each.start_fault), "")
-        if fault:
-            return _posed(scene, outfit, fault, last=not _may_have_levels(scene))
+    fault = next((each.start_fault for each in outfit.wearing if each is not None and each.start_fault), "")
+    if may_pose and fault and (posed := posed_first(scene, outfit, fault)) is not None:
+        return posed
     touches, why = _first_contact(scene, outfit)
     stated = scene.solver.method
     method = "accelerated" if stated == "auto" else stated
     return _attempt(
         scene, method, touches, why, "its iterations are the cheapest", None, last=not _may_have_levels(scene)
     )
+
+
+def posed_first(scene: Scene, outfit: Outfit, why: str) -> Attempt | None:
+    """The first attempt with the avatar posed within the garments; None: it may not be, or these are no panels."""
+    are_panels = all(garment.rest.source.kind == "uv" for garment in outfit.garments)
+    if not are_panels or not _may_pose(scene, outfit):
+        return None
+    return _posed(scene, outfit, why, last=not _may_have_levels(scene))
 
 
 def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
@@ -74,7 +83,7 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     untangled round the avatar as it is thinned within it. Where the avatar shows through faces, it is padded under
     them. Cloth that does not come to rest is relaxed by the multilevel method without contact, which sews and lets fall
     as a whole; where that leaves few crossings they are then undone, and where it leaves many the attempt with contact
-    goes on. No other way of starting follows a dressed start.
+    goes on. No other way of starting follows a dressed start, nor what is too short for the trunk by its cut.
     """
     ended = history[-1]
     attempt, stated = ended.attempt, ended.attempt.stated
@@ -88,12 +97,25 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
         return _turned(history)
     if attempt.slides:
         return _slid(history)
+    if ended.whole_but_short and _is_too_short(outfit):
+        return None
     return (
         _usual_attempt(history, outfit)
         or _thinned(history, outfit)
         or _last_resort(history, outfit)
         or _thinned(history, outfit, torn=True)
     )
+
+
+def _is_too_short(outfit: Outfit) -> bool:
+    """Whether a garment's trunk is too short for the body by its cut: it pulls itself off the shoulders, or tears."""
+    for garment, wearing in zip(outfit.garments, outfit.wearing, strict=True):
+        rest = garment.rest
+        if wearing is not None and outfit.avatar is not None:
+            loop = trunk_loop(wearing, rest.topology.edges, rest.edge_length, outfit.avatar)
+            if loop is not None and loop.is_short:
+                return True
+    return False
 
 
 def _after_dressed(history: Sequence[Ended]) -> Attempt | None:
@@ -112,7 +134,8 @@ def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     first = next((n for n, each in enumerate(history) if each.attempt.lifted), 0)
     ended, own = history[-1], history[first:]
     attempt, stated = ended.attempt, ended.attempt.stated
-    is_late = first > 0 or any(each.attempt.slides for each in history)
+    levelled = max((n for n, each in enumerate(history) if each.attempt.has_levels), default=0)
+    is_late = first > 0 or any(each.attempt.slides for each in history[levelled:])
     posed_next = _may_pose(stated, outfit) and not any(each.attempt.posed for each in history)
     levels_next = _may_have_levels(stated) and not any(each.attempt.has_levels for each in own)
     if posed_next and (ended.torn or ended.misplaced or (ended.cut_short is CutShort.CROSSING and attempt.touches)):
@@ -128,6 +151,8 @@ def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
         return _padded(ended, len(history) - 1) if ended.shown and may_pad else None
     if is_late and (not first or _last_posed(own) is None):
         return None
+    if 0 < ended.torn <= FEW_TORN * ended.vertices and ended.ended_placed and attempt.posed:
+        return None  # it slides into place
     may_touch = stated.collision.cloth is not False
     if attempt.touches:
         return _levels(stated, history, _last_posed(history)) if levels_next else None
@@ -180,6 +205,8 @@ def _last_resort(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     if torn and stated.avatar is not None and slid < len(SLIDES):
         most = max(torn, key=lambda each: each.rank)
         return _sliding(most.attempt, history.index(most), len(SLIDES) if slid else 1)
+    if torn and not any(each.attempt.has_levels for each in history) and _may_have_levels(stated):
+        return _levels(stated, history, _last_posed(history))
     may_lift = any(wearing is not None and not wearing.is_skirt for wearing in outfit.wearing)
     is_torn = best.torn > 0 or best.misplaced
     posed = [each.attempt for each in history if each.attempt.posed]

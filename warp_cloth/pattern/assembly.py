@@ -23,6 +23,7 @@ from warp_cloth.pattern.garmentcode import read_specification
 from warp_cloth.pattern.grade_table import grade_table_path, read_grade_table
 from warp_cloth.pattern.mesher import Flat, meshed
 from warp_cloth.pattern.outline import SewnOutlines, sewn_outlines
+from warp_cloth.pattern.rings import with_rings
 from warp_cloth.pattern.sewing import Seam, seams_of
 from warp_cloth.pattern.specification import Pattern, short
 
@@ -64,7 +65,7 @@ def read_pattern(path: Path, options: DraftOptions | None = None, figure: Figure
     if not is_drafted(path):
         pattern = read_specification(str(path), content(path, "pattern"))
         if not pattern.is_unplaced:
-            return pattern
+            return with_rings(pattern)
         from warp_cloth.pattern.laid_out import laid_round
 
         return laid_round(pattern, figure)

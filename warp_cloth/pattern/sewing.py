@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -61,15 +61,18 @@ class _Joint:
         return next((stitch.right_to_wrong for stitch in self.stitches if stitch.right_to_wrong is not None), None)
 
 
-def seams_of(pattern: Pattern) -> tuple[Seam, ...]:
+def seams_of(pattern: Pattern, *, misplaced: Collection[int] = ()) -> tuple[Seam, ...]:
     """The pieces that are sewn together.
+
+    Args:
+        misplaced: panels whose placement does not tell which way round they are sewn.
 
     Raises:
         InputError: edges are sewn to several others that are neither as long together nor each, or a stitch twists
             the cloth into a one-sided band.
     """
     joints = _joints(pattern)
-    reverse = _directions(pattern, joints)
+    reverse = _directions(pattern, joints, misplaced)
     stops: dict[Side, list[float]] = defaultdict(list)  # where layers of a seam are cut, all of them are
     for joint, turned in zip(joints, reverse, strict=True):
         stops[joint.one] += _stops(pattern, joint, turned)
@@ -204,13 +207,16 @@ def _along(pattern: Pattern, side: Side, runs: Sequence[tuple[Side, ...]]) -> li
     return at
 
 
-def _directions(pattern: Pattern, joints: Sequence[_Joint]) -> list[bool]:
+def _directions(pattern: Pattern, joints: Sequence[_Joint], misplaced: Collection[int]) -> list[bool]:
     """Whether each joint is sewn in reverse: as stated, else as the placement decides, else so that sides agree.
 
     Panels are joined in the order of how sure their joints are. Where the placement is not decisive, the outer sides
     decide that surer joints imply; where there are none, the panels' loops, if no joint contradicts them.
     """
-    ways = [_ways(pattern, joint) for joint in joints]
+    ways = [
+        (True, 1.0) if {joint.one.panel, joint.run[0].panel}.intersection(misplaced) else _ways(pattern, joint)
+        for joint in joints
+    ]
     pairs = list(zip(joints, ways, strict=True))
     sure = [np.inf if joint.stated is not None else way for joint, (_, way) in pairs]
     contradicted = any(joint.stated is None and way >= CONTRARY and not across for joint, (across, way) in pairs)

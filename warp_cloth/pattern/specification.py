@@ -11,7 +11,7 @@ import numpy as np
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.curve import Curve, Floats
-from warp_cloth.pattern.wrap import Laid
+from warp_cloth.pattern.wrap import Laid, Ring
 
 MOST_PANELS, MOST_EDGES, MOST_STITCHES = 1_000, 1_000, 20_000  # a gown with ruffles has tens of each
 LARGEST, SMALLEST = 20.0, 0.005  # [m] extent of a panel: beyond it, the unit is wrong
@@ -54,7 +54,7 @@ class Panel:
     edges: tuple[Edge, ...]
     rotation: Floats  # shape [3, 3]
     translation: Floats  # [m], shape [3]
-    wrap: Laid | None = None  # instead of both, where it is laid round the body
+    wrap: Laid | Ring | None = None  # instead of both, where it is laid round the body, or on another panel
     notches: Floats | None = None  # [m], shape [N, 2]; drawn only
     lines: tuple[Floats, ...] = ()  # inner lines [m], shape [n, 2] each; drawn only
     holes: tuple[tuple[Curve, ...], ...] = ()  # cut out of it: closed loops of edges, counter-clockwise

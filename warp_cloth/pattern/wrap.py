@@ -85,7 +85,50 @@ class Cone:
         return np.asarray(self.top + np.sin(angle) * left + np.cos(angle) * forward - fall * UP)
 
 
-Laid = Wrap | Cone
+@dataclass(frozen=True, eq=False)
+class Ring:
+    """A band whose ends are sewn together, standing on a closed line round which it is sewn.
+
+    A point a share s of the way from one end to the other starts above the line's point there, as far as it is from the
+    sewn edge.
+    """
+
+    first: Floats  # points along the one end, shape [N, 2]
+    last: Floats  # and the other
+    edge: Floats  # points along the sewn edge [m], shape [M, 2]
+    shares: Floats  # of the way from end to end of these points, rising, shape [M]
+    along: Floats  # fraction of the line at these points, rising, shape [M]
+    line: Floats  # points of the line [m], shape [M, 3]
+    up: Floats  # unit vector, shape [3]
+
+    @classmethod
+    def of(cls, first: Floats, last: Floats, edge: Floats, along: Floats, line: Floats, up: Floats) -> Ring:
+        """``along``: fraction of the sewn edge's length at its points."""
+        shares = np.maximum.accumulate(_share(edge, first, last))
+        return cls(first, last, edge, shares, along, line, up)
+
+    def placed(self, points: Floats) -> Floats:
+        """Points of the band [m], shape [N, 2], where they start, shape [N, 3]."""
+        at = np.interp(_share(points, self.first, self.last), self.shares, self.along)
+        on_line = np.column_stack([np.interp(at, self.along, axis) for axis in self.line.T])
+        return np.asarray(on_line + _distance(points, self.edge)[:, None] * self.up)
+
+
+def _share(points: Floats, first: Floats, last: Floats) -> Floats:
+    """How far points are on the way from one line to another, from 0 to 1."""
+    near, far = _distance(points, first), _distance(points, last)
+    return np.asarray(near / np.maximum(near + far, 1e-12))
+
+
+def _distance(points: Floats, line: Floats) -> Floats:
+    """Distance of points from a polyline [m], shape [N]."""
+    start, step = line[:-1], np.diff(line, axis=0)
+    off = points[:, None] - start
+    share = np.clip((off * step).sum(axis=2) / np.maximum((step * step).sum(axis=1), 1e-18), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(off - share[..., None] * step, axis=2).min(axis=1))
+
+
+Laid = Wrap | Cone  # round the body
 
 
 def flat_wrap(along: Floats, place: Floats, origin: Floats, across: Floats, upward: Floats) -> Wrap:

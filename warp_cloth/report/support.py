@@ -8,7 +8,7 @@ import numpy as np
 
 from warp_cloth.anatomy.linking import COVERED, LOPSIDED
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, skeleton_or_reason
-from warp_cloth.anatomy.trunk_loop import trunk_loop
+from warp_cloth.anatomy.trunk_loop import SHORT, trunk_loop
 from warp_cloth.base.connected import connected_components
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import TORN
@@ -25,11 +25,9 @@ SLID, FOLDED = 0.09, 0.18
 # Of the way from the waist down to the crotch: how low the top of a skirt rests at most, wherever it started. The hips
 # hold it above there: they are widest at 0.85 to 0.95.
 LOWEST_TOP = 0.67
+LEVEL = 0.01  # of the avatar's height, up to which openings start at one height
 NECK = 0.8  # of the avatar's height, above which a top opening is a collar or a hood
 NARROWEST = 0.06  # of the avatar's height: the girth of an opening for a limb; less is a buttonhole
-# What a garment with shoulders and legs must stretch by to go round the trunk lengthwise. Of eight such designs seven
-# are worn on their own bodies, and have 0.02 at most; one slides off the shoulders, with 0.22.
-SHORT = 0.1
 DETACHED = 0.1  # [m]; a piece of a garment that falls farther than the largest piece has come off
 
 
@@ -118,7 +116,10 @@ def slid_down(judged: Judged) -> FitProblem | None:
     wearing = judged.of.outfit.wearing[judged.index]
     (floor, top) = (float(corner[1]) for corner in body.bounds())
     start, height = (judged.garment.points if wearing is None else wearing.onto)[:, 1], top - floor
-    highest = max(openings, key=lambda opening: float(start[opening.vertices].mean()))
+    heights = [float(start[opening.vertices].mean()) for opening in openings]
+    # of a cape that starts as a flat disc all openings do so at one height
+    level = [each for each, high in zip(openings, heights, strict=True) if high > max(heights) - LEVEL * height]
+    highest = max(level, key=lambda opening: float(judged.points[opening.vertices, 1].mean()))
     began, ended = (float(place[highest.vertices].mean()) for place in (start, judged.points[:, 1]))
     limit, than = height * (FOLDED if began - floor > NECK * height else SLID), "than it started"
     if wearing is not None and wearing.is_held_by_hips:
@@ -203,7 +204,7 @@ def too_short(judged: Judged) -> Iterator[FitProblem]:
     """A trunk too short for its body, so that a garment with legs slid off the shoulders or tore."""
     wearing, body, rest = judged.of.outfit.wearing[judged.index], judged.of.body, judged.garment.rest
     loop = None if wearing is None or body is None else trunk_loop(wearing, judged.edge_ends, rest.edge_length, body)
-    if wearing is None or loop is None or not loop.strain > SHORT:
+    if wearing is None or loop is None or not loop.is_short:
         return
     pairs = zip(wearing.openings, wearing.limbs, strict=True)
     yield FitProblem(

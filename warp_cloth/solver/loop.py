@@ -33,6 +33,7 @@ Boxes = Floats  # lowest and highest corner of some items [m], shape [N, 2, 3]
 # Given items and their boxes, new colliders for those that the old ones no longer cover.
 Follow = Callable[[Sequence[int], Boxes], dict[int, Collider]]
 Crosses = Callable[[Sequence[int]], Sequence[int]]  # which of some items' cloth passes through cloth now
+Astray = Callable[[], bool]  # whether a limb of the only item's avatar is outside its opening now, or within the cloth
 BURST = 20  # iterations in a captured graph: enough to hide a launch, few enough to follow a fall
 BURSTS_PER_CHECK = 5  # the certificate costs about two iterations
 FALL = 0.01  # [m]; the boxes of cloth that moved further since the last check are measured after every burst
@@ -44,6 +45,7 @@ CROSSING_CHECKS = (2000, 8000)
 # Iterations after which what still crosses stays tangled. Random designs came apart 300 to 500 after being sewn; one
 # that the multilevel method had left with crossings, after more than 4,000.
 TANGLED = {Patience.NONE: math.inf, Patience.SHORT: 4000, Patience.LONG: 10_000}
+ASTRAY = 1000  # the same, where cloth is wound round a limb besides and another attempt may do better
 
 
 # Cloth still falls while the fraction of its forces that is out of balance, times the iterations so far, is more than
@@ -82,6 +84,7 @@ def relax_to_rest(
     follow: Follow | None = None,
     schedule: ContactSchedule | None = None,
     crosses: Crosses | None = None,
+    astray: Astray | None = None,
     on_check: Callable[[Check, float], None] | None = None,
     ahead: bool | None = None,
 ) -> Outcome:
@@ -94,6 +97,7 @@ def relax_to_rest(
         follow: gives new colliders to items that leave the region of the old ones.
         schedule: of contact of cloth with cloth.
         crosses: tells whether the cloth passes through itself, where the goal says that the fit ends then.
+        astray: tells whether the cloth is wound round a limb, where it stays tangled.
         on_check: called with every check and the seconds so far.
         ahead: as in relax_items.
     """
@@ -109,6 +113,7 @@ def relax_to_rest(
         follow=follow,
         schedule=schedule,
         crosses=crosses,
+        astray=astray,
         on_check=report if on_check is not None else None,
         on_burst=recorder.offer if frames else None,
         ahead=ahead,
@@ -124,6 +129,7 @@ def relax_items(
     follow: Follow | None = None,
     schedule: ContactSchedule | None = None,
     crosses: Crosses | None = None,
+    astray: Astray | None = None,
     on_check: Callable[[Measurement, float], None] | None = None,
     on_burst: Callable[[int, Relaxation], None] | None = None,
     ahead: bool | None = None,
@@ -143,12 +149,13 @@ def relax_items(
         follow: gives new colliders to items that leave the region of the old ones.
         schedule: of contact of cloth with cloth; such a scene is a single item.
         crosses: tells which items' cloth passes through cloth, for goals that end there.
+        astray: tells of a scene with contact whether its cloth is wound round a limb, where it stays tangled.
         on_check: called with every measurement of all items, and the seconds so far.
         on_burst: called after every burst with its last iteration; positions are those of the last update_model.
         ahead: whether iterations run while a check is read; None: if that saves time. Must be off if more iterations
             follow the end: displacements and stiffness bounds are not restored.
     """
-    return _Loop(certifier, goals, follow, schedule, crosses, on_check, ahead).run(on_burst)
+    return _Loop(certifier, goals, follow, schedule, crosses, astray, on_check, ahead).run(on_burst)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +193,7 @@ class _Loop:
         follow: Follow | None,
         schedule: ContactSchedule | None,
         crosses: Crosses | None,
+        astray: Astray | None,
         on_check: Callable[[Measurement, float], None] | None,
         ahead: bool | None,
     ) -> None:
@@ -201,6 +209,7 @@ class _Loop:
         self._tolerances = [goal.tolerance for goal in goals]
         self._stall_watch = StallWatch([goal.patience for goal in goals])
         self._crosses = crosses if any(goal.ends_crossing for goal in goals) else None
+        self._astray = astray  # None once it has been asked
         self._began = time.perf_counter()
 
     def run(self, on_burst: Callable[[int, Relaxation], None] | None) -> list[Outcome]:
@@ -313,6 +322,8 @@ class _Loop:
         if self._schedule is not None:
             waited = self._schedule.tangled_for
             given_up = [item for item in self._active if waited >= TANGLED[self._goals[item].patience]]
+            if self._astray is not None and waited >= ASTRAY and self._goals[0].patience is Patience.SHORT:
+                given_up, self._astray = self._active if self._astray() else given_up, None
             found |= dict.fromkeys(given_up, CutShort.CROSSING)
         found |= dict.fromkeys(self._turning(measured), CutShort.SLOW)
         if self._crosses is not None and self._looks_for_crossings(measured.iteration):
