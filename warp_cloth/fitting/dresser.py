@@ -53,6 +53,7 @@ PULLS = 60  # at most
 NEAR = 0.003  # [m] from where they are pulled to
 BELOW_CROTCH = 0.03  # [m] that they stay under the body's crotch, where growing thighs would pinch them
 TUGS = 30  # at most, with which straps are laid on the shoulders
+TAUT = 0.002  # fraction of edges stretched as no worn cloth is, at which they do not give, as of tight sleeves
 LOWERING_STEPS = 40  # in which a garment that starts above the shoulders comes down onto them
 GROWTH = 2.0  # exponent of the thickness over the steps: slow while limbs move
 GROWING_STEPS = 12  # of the steps, in which the body grows before a skirt falls and arms go home
@@ -274,16 +275,17 @@ class Dresser:
 
     def lay_straps(self) -> None:
         """Tugs the straps of a garment inwards along the shoulders, while arms are still raised, unless that tears."""
+        whole, torn = self.points, self._stretched(TORN)
         for _ in range(TUGS):
-            before, torn = self.points, self._stretched(TORN)
-            moved = tugged(self.wearing.shoulders, before, self.wearing.triangles)
-            if moved is None:
+            moved = tugged(self.wearing.shoulders, self.points, self.wearing.triangles)
+            if moved is None or self._stretched(TORN) > TAUT * self._problem.model.edge_count:
                 break
             self._put(moved)
-            self._relax_after()
-            if self._stretched(TORN) > torn:  # as of tight sleeves
-                self._put(before)
-                break
+            self._relax(BURST)
+            if self._stretched(TORN) <= torn:
+                whole = self.points
+        if self._stretched(TORN) > torn:
+            self._put(whole)
 
     def come_home(self) -> None:
         """Takes the limbs home that come last, and lets the body be whole."""
@@ -343,10 +345,6 @@ class Dresser:
         self._curves, self._thickness = curves, min(thickness, THICK)
         self._surface, self._slid = surface, slid
         self._meet_body()
-        self._relax_after()
-
-    def _relax_after(self) -> None:
-        """Relaxes a burst, and more while cloth comes after what has moved."""
         self._relax(BURST)
         catch_up(partial(self._stretched, PULLED), partial(self._relax, BURST))
 

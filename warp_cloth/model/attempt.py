@@ -126,7 +126,8 @@ class Ended:
         """
         rests = self.status is Status.AT_REST
         finite = self.status is not Status.DIVERGED and not self.attempt.slides
-        placed, held, covers = not self.misplaced or self.came_off, not (self.sunk or self.slipped), not self.shown
+        placed, held = not self.misplaced or self.came_off, not (self.sunk or self.slipped)
+        covers = not self.shown or self.came_off
         return finite, self.well, placed, held, covers, self.apart and rests, self.apart, -self.torn, -self.crossings
 
 
