@@ -23,10 +23,12 @@ def measured(iteration: int, residual: float, error: float) -> Measurement:
     return Measurement(iteration, one, residual * one, error * one, one, one, np.zeros((1, 2, 3)), one > 0)
 
 
-def stalls(patience: Patience, residual: Callable[[int], float], count: int) -> list[bool]:
-    """Whether an item has stalled at each of some checks; its rest error stays the same."""
-    watch = StallWatch([patience])
-    return [bool(watch.stalled(measured(100 * n, residual(n), 1.0))[0]) for n in range(1, count)]
+def stalls(
+    patience: Patience, residual: Callable[[int], float], count: int, error: Callable[[int], float] = lambda n: 1.0
+) -> list[bool]:
+    """Whether an item has stalled at each of some checks; its rest error stays the same by default."""
+    watch = StallWatch([patience], [Tolerance()])
+    return [bool(watch.stalled(measured(100 * n, residual(n), error(n)))[0]) for n in range(1, count)]
 
 
 @pytest.mark.parametrize("patience", [Patience.SHORT, Patience.LONG])
@@ -37,6 +39,14 @@ def test_what_comes_no_nearer_to_rest_stalls(patience: Patience) -> None:
 
 def test_one_figure_that_falls_is_progress() -> None:
     assert not any(stalls(Patience.SHORT, lambda n: 0.1 * 0.99**n, 400))
+
+
+@pytest.mark.parametrize("patience", [Patience.SHORT, Patience.LONG])
+def test_what_is_jammed_stalls_though_it_moves_less_and_less(patience: Patience) -> None:
+    first = STALL[Patience.SHORT][0] // 100 + 2
+    found = stalls(patience, lambda n: 0.02, first + 1, lambda n: 1e-3 * 0.99**n)
+    assert found == [False] * (first - 1) + [True]
+    assert not any(stalls(patience, lambda n: 0.009, 400, lambda n: 1e-3 * 0.99**n))  # forces balance
 
 
 def test_a_fit_with_a_stated_limit_never_stalls() -> None:

@@ -207,7 +207,7 @@ class _Loop:
         self._followed_at = np.zeros(len(goals), dtype=np.int64)  # and after which iteration that was
         self._outcomes: dict[int, Outcome] = {}
         self._tolerances = [goal.tolerance for goal in goals]
-        self._stall_watch = StallWatch([goal.patience for goal in goals])
+        self._stall_watch = StallWatch([goal.patience for goal in goals], self._tolerances)
         self._crosses = crosses if any(goal.ends_crossing for goal in goals) else None
         self._astray = astray  # None once it has been asked
         self._began = time.perf_counter()
