@@ -53,7 +53,7 @@ def made(tree: dict[str, Any], folder: Path) -> Mesh:
 
 
 def of_band(mesh: Mesh) -> np.ndarray:
-    return np.asarray(mesh.points[np.unique(mesh.triangles[mesh.panels == 2])])
+    return np.asarray(mesh.points[np.unique(mesh.triangles[mesh.panels == mesh.panel_names.index("band")])])
 
 
 PLACES = {
@@ -92,11 +92,21 @@ def test_on_a_disc_that_lies_flat_a_band_stands_on_the_side_where_it_is_placed(t
     skirt = panel(corners, [0.0, 100.0, 0.0], [-90.0, 0.0, 0.0])
     for edge, radius, left in ((1, outer, 1), (2, outer, 1), (4, inner, 0), (5, inner, 0)):
         skirt["edges"][edge]["curvature"] = {"type": "circle", "params": [radius, 0, left]}
-    panels = {"skirt": skirt, "other": panel(rectangle(5.0, 5.0), [90.0, 0.0, 0.0])}
-    panels["band"] = panel(rectangle(80.0, 4.0), [0.0, 103.0, 20.0])
+    panels = {"skirt": skirt, "band": panel(rectangle(80.0, 4.0), [0.0, 103.0, 20.0])}
     stitches = [stitch("skirt", 0, "skirt", 3), stitch("band", 1, "band", 3)]
     stitches += [stitch("band", 0, "skirt", edge) for edge in (4, 5)]
     tree = {"pattern": {"panels": panels, "stitches": stitches}, "properties": {"units_in_meter": 100}}
     band = of_band(made(tree, tmp_path))
     assert (band[:, 1].min(), band[:, 1].max()) == (pytest.approx(1.0, abs=1e-3), pytest.approx(1.04, abs=1e-3))
     assert np.hypot(band[:, 0], band[:, 2]) == pytest.approx(0.13, abs=2e-3)
+
+
+@pytest.mark.parametrize(("width", "kept"), [(10.0, False), (30.0, True)])
+def test_a_small_panel_that_is_sewn_to_nothing_is_left_out(width: float, kept: bool, tmp_path: Path) -> None:
+    tree = banded(*PLACES["in front"])
+    pocket = {"pocket": panel(rectangle(width, 14.0), [0.0, 70.0, 26.0])}
+    tree["pattern"]["panels"] = pocket | tree["pattern"]["panels"]
+    mesh = made(tree, tmp_path)
+    assert ("pocket" in mesh.panel_names) == kept
+    assert bool([note for note in mesh.notes if "sewn to nothing" in note]) != kept
+    assert [note for note in mesh.notes if "it starts as a ring" in note]

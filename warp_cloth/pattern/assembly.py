@@ -21,6 +21,7 @@ from warp_cloth.pattern.delaunay import Ints, OutlineError
 from warp_cloth.pattern.draft_options import DraftOptions
 from warp_cloth.pattern.garmentcode import read_specification
 from warp_cloth.pattern.grade_table import grade_table_path, read_grade_table
+from warp_cloth.pattern.loose import without_loose
 from warp_cloth.pattern.mesher import Flat, meshed
 from warp_cloth.pattern.outline import SewnOutlines, sewn_outlines
 from warp_cloth.pattern.rings import with_rings
@@ -63,7 +64,7 @@ def read_pattern(path: Path, options: DraftOptions | None = None, figure: Figure
         InputError: the file cannot be read, or states an impossible panel, edge or stitch.
     """
     if not is_drafted(path):
-        pattern = read_specification(str(path), content(path, "pattern"))
+        pattern = without_loose(read_specification(str(path), content(path, "pattern")))
         if not pattern.is_unplaced:
             return with_rings(pattern)
         from warp_cloth.pattern.laid_out import laid_round
