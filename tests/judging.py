@@ -10,8 +10,8 @@ import numpy as np
 from warp_cloth.base.mesh import Points
 from warp_cloth.fitting.judge import measured_shape
 from warp_cloth.garment.outfit import Outfit, load_outfit
+from warp_cloth.model.first_attempt import first_attempt
 from warp_cloth.model.fit_problem import FitProblem
-from warp_cloth.model.next_attempt import first_attempt
 from warp_cloth.model.result import Residual, Status
 from warp_cloth.report.problems import find_problems
 from warp_cloth.scene import Scene, load_scene

@@ -11,7 +11,8 @@ import pytest
 from warp_cloth.fitting.problem import load_problem
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience, best_of
-from warp_cloth.model.next_attempt import FEW_CROSSINGS, MOST_ITERATIONS, SLIDES, first_attempt, next_attempt
+from warp_cloth.model.first_attempt import MOST_ITERATIONS, first_attempt
+from warp_cloth.model.next_attempt import FEW_CROSSINGS, SLIDES, next_attempt
 from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
 

@@ -27,7 +27,7 @@ from warp_cloth.fitting.problem import build_problem
 from warp_cloth.garment.outfit import Outfit, load_outfit
 from warp_cloth.loading import load_mesh
 from warp_cloth.model.attempt import TORN
-from warp_cloth.model.next_attempt import first_attempt
+from warp_cloth.model.first_attempt import first_attempt
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.strains import edge_strains
 

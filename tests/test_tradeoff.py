@@ -19,7 +19,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.cli.main import app
 from warp_cloth.fitting.fit import fit
 from warp_cloth.garment.outfit import load_outfit
-from warp_cloth.model.next_attempt import first_attempt
+from warp_cloth.model.first_attempt import first_attempt
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.shapes import square
 from warp_cloth.study import knobs, tradeoff

@@ -18,7 +18,8 @@ from warp_cloth.anatomy.trunk_loop import trunk_loop
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.topology import build_topology
 from warp_cloth.model.attempt import Ended
-from warp_cloth.model.next_attempt import first_attempt, next_attempt
+from warp_cloth.model.first_attempt import first_attempt
+from warp_cloth.model.next_attempt import next_attempt
 from warp_cloth.model.result import Status
 from warp_cloth.shapes import SIZE_BODIES, mannequin
 

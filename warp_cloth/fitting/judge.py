@@ -24,8 +24,8 @@ from warp_cloth.fitting.placement import LimbPlacement
 from warp_cloth.fitting.problem import tolerance_of
 from warp_cloth.fitting.warm_start import earlier_garments
 from warp_cloth.garment.outfit import Outfit, load_outfit
+from warp_cloth.model.first_attempt import first_attempt
 from warp_cloth.model.fit_problem import FitProblem
-from warp_cloth.model.next_attempt import first_attempt
 from warp_cloth.model.result import FitResult, Residual, Status
 from warp_cloth.report.measurements import Measurements
 from warp_cloth.report.problems import find_problems

@@ -16,7 +16,7 @@ from warp_cloth.fitting.posed_start import start_posed, start_thinned
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.attempt import Patience
-from warp_cloth.model.next_attempt import first_attempt
+from warp_cloth.model.first_attempt import first_attempt
 from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.scene import Scene
 from warp_cloth.scene.predrape import predrape_scene_of

@@ -28,8 +28,8 @@ from warp_cloth.garment.garment import terms_of
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import Attempt
+from warp_cloth.model.first_attempt import MOST_ITERATIONS, first_attempt, posed_first
 from warp_cloth.model.model import ClothModel, build_model
-from warp_cloth.model.next_attempt import MOST_ITERATIONS, first_attempt, posed_first
 from warp_cloth.model.patches.on_device import CutOptions
 from warp_cloth.model.plan import contact_kind
 from warp_cloth.model.result import LevelRun

@@ -1,77 +1,45 @@
-"""Which attempt at a fit is made first, and which one follows where one has not ended well.
-
-What a scene leaves to the program ("auto", no limit of iterations) is decided from its garments first, and then from
-how attempts have ended.
-"""
+"""Which attempt at a fit follows where one has not ended well, from how attempts have ended."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
-
-import numpy as np
 
 from warp_cloth.anatomy.trunk_loop import trunk_loop
 from warp_cloth.base.choice import Choice
-from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience, best_of
+from warp_cloth.model.first_attempt import (
+    FALLING,
+    METHOD_KEY,
+    decided_attempt,
+    may_be_posed,
+    may_have_levels,
+    posed_attempt,
+    updated,
+)
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
 
-# Iterations of an attempt at most, the same on every machine. Of 81 random designs that came to rest with cloth on
-# cloth the slowest took 75,000; wide skirts whose folds lie on each other take longer.
-MOST_ITERATIONS = 200_000
-# The same of the multilevel method between others: of 20 designs those that it brought to rest took 9,200 at most.
-LEVELS_ITERATIONS = 10_000
 # Crossing pairs of triangles per vertex up to which cloth relaxed without contact is worth untangling: of 20 random
 # designs with 0.01 to 0.07 all but one came apart, with 0.1 or more none.
 FEW_CROSSINGS = 0.08
 
 # Per-vertex and implicit steps by turns, where cloth that meets cloth still falls: implicit ones let it fall as a
-# whole, and per-vertex ones settle it for less (an iteration takes a tenth as long on a GPU, half on the CPU). Most
-# garments rest by per-vertex ones within FALLING. Of 37 loose designs 16 rested within LEVELLING implicit ones, and
-# the others mostly sooner by per-vertex ones from there; by implicit ones alone one took 124,000.
-FALLING, LEVELLING, SETTLING = 6000, 4000, 15_000
+# whole, and per-vertex ones settle it for less. Of 37 loose designs 16 rested within LEVELLING implicit ones, and the
+# others mostly sooner by per-vertex ones from there; by implicit ones alone one took 124,000.
+LEVELLING, SETTLING = 4000, 15_000
 MOST_LEVELLINGS = 2
-# Iterations after which cloth that touches nothing and still falls is relaxed by levels: a strip of 4,000 vertices that
-# swings down from a clamp rests in a fourteenth of the time.
-FREE_FALLING = 4000
 
 FEW_TORN = 1e-3  # torn edges per vertex, up to which cloth slides whole in a second or two, as a neckline does
 
-UNSEWN = 0.05  # strain of an edge that is to be sewn, at least
-
 MOST_PADDINGS = 3  # of the avatar under faces that it shows through
 OFFSET_KEY = "collision.offset_mm"
-METHOD_KEY = "solver.method"
 WHY_SETTLING = "the multilevel method has let it fall as a whole"
 
 # Iterations in which torn cloth slides over the avatar without friction: in steps until it is whole, as straps slide
 # off shoulders, too; where that ends badly, once for long.
 SLIDES = (250, 250, 500, 1_000, 2_000)
-
-
-def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Attempt:
-    """What a scene is fitted with first; ``may_pose``: with the avatar posed, where the garments start badly on it."""
-    fault = next((each.start_fault for each in outfit.wearing if each is not None and each.start_fault), "")
-    if may_pose and fault and (posed := posed_first(scene, outfit, fault)) is not None:
-        return posed
-    touches, why = _first_contact(scene, outfit)
-    stated = scene.solver.method
-    method = "accelerated" if stated == "auto" else stated
-    return _attempt(
-        scene, method, touches, why, "its iterations are the cheapest", None, last=not _may_have_levels(scene)
-    )
-
-
-def posed_first(scene: Scene, outfit: Outfit, why: str) -> Attempt | None:
-    """The first attempt with the avatar posed within the garments; None: it may not be, or these are no panels."""
-    are_panels = all(garment.rest.source.kind == "uv" for garment in outfit.garments)
-    if not are_panels or not _may_pose(scene, outfit):
-        return None
-    return _posed(scene, outfit, why, last=not _may_have_levels(scene))
 
 
 def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
@@ -126,7 +94,7 @@ def _after_dressed(history: Sequence[Ended]) -> Attempt | None:
         return None
     begins_after = len(history) - 1
     why = "cloth crossed without it", "contact is per vertex"
-    return _attempt(stated, "accelerated", True, *why, begins_after, last=True)
+    return decided_attempt(stated, "accelerated", True, *why, begins_after, last=True)
 
 
 def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
@@ -136,16 +104,16 @@ def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     attempt, stated = ended.attempt, ended.attempt.stated
     levelled = max((n for n, each in enumerate(history) if each.attempt.has_levels), default=0)
     is_late = first > 0 or any(each.attempt.slides for each in history[levelled:])
-    posed_next = _may_pose(stated, outfit) and not any(each.attempt.posed for each in history)
-    levels_next = _may_have_levels(stated) and not any(each.attempt.has_levels for each in own)
+    posed_next = may_be_posed(stated, outfit) and not any(each.attempt.posed for each in history)
+    levels_next = may_have_levels(stated) and not any(each.attempt.has_levels for each in own)
     if posed_next and (ended.torn or ended.misplaced or (ended.cut_short is CutShort.CROSSING and attempt.touches)):
-        return _posed(stated, outfit, "cloth was torn or tangled round a limb", last=not levels_next)
+        return posed_attempt(stated, outfit, "cloth was torn or tangled round a limb", last=not levels_next)
     if attempt.touches and ended.cut_short is CutShort.CROSSING and (thinned := _thinned(history, outfit)):
         return thinned
     if posed_next and ended.sunk:
-        return _posed(stated, outfit, "it slid down from the waist", last=not levels_next)
+        return posed_attempt(stated, outfit, "it slid down from the waist", last=not levels_next)
     if posed_next and ended.slipped:
-        return _posed(stated, outfit, "it slipped off the shoulders", last=not levels_next)
+        return posed_attempt(stated, outfit, "it slipped off the shoulders", last=not levels_next)
     if ended.well:
         may_pad = _may_pad(stated) and attempt.paddings < MOST_PADDINGS
         return _padded(ended, len(history) - 1) if ended.shown and may_pad else None
@@ -164,7 +132,9 @@ def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
             return None
         why = "cloth crossed without it"
         method = "direct" if stated.solver.method == "direct" else "accelerated"
-        untangled = _attempt(stated, method, True, why, "contact is per vertex", begins_after, last=not levels_next)
+        untangled = decided_attempt(
+            stated, method, True, why, "contact is per vertex", begins_after, last=not levels_next
+        )
         return _on_padded(untangled, history)
     still_open = ended.torn or ended.misplaced or ended.status is not Status.AT_REST
     return _levels(stated, history, _last_posed(history)) if levels_next and still_open else None
@@ -180,13 +150,13 @@ def _thinned(history: Sequence[Ended], outfit: Outfit, *, torn: bool = False) ->
     ends = [(n, each) for n, each in placed if not each.torn or (torn and each.attempt.posed)]
     worn = {n: each.crossings for n, each in ends if each.status is not Status.DIVERGED}
     is_over = stated.collision.cloth is False or any(each.attempt.thins for each in history)
-    if is_over or not worn or min(worn.values()) == 0 or not _may_pose(stated, outfit):
+    if is_over or not worn or min(worn.values()) == 0 or not may_be_posed(stated, outfit):
         return None
     number = min(worn, key=lambda n: (worn[n], -n))
-    last = not _may_have_levels(stated) or any(each.attempt.has_levels for each in history)
+    last = not may_have_levels(stated) or any(each.attempt.has_levels for each in history)
     why = "cloth crossed", "contact is per vertex"
     method = "accelerated" if stated.solver.method == "auto" else stated.solver.method
-    attempt = _attempt(stated, method, True, *why, number, last=last)
+    attempt = decided_attempt(stated, method, True, *why, number, last=last)
     how = Choice("solver.start", "untangled", "cloth crossed that the body held, so the body was thinned within it")
     return _on_padded(replace(attempt, thins=True, choices=(*attempt.choices, how)), history)
 
@@ -205,14 +175,14 @@ def _last_resort(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     if torn and stated.avatar is not None and slid < len(SLIDES):
         most = max(torn, key=lambda each: each.rank)
         return _sliding(most.attempt, history.index(most), len(SLIDES) if slid else 1)
-    if torn and not any(each.attempt.has_levels for each in history) and _may_have_levels(stated):
+    if torn and not any(each.attempt.has_levels for each in history) and may_have_levels(stated):
         return _levels(stated, history, _last_posed(history))
     may_lift = any(wearing is not None and not wearing.is_skirt for wearing in outfit.wearing)
     is_torn = best.torn > 0 or best.misplaced
     posed = [each.attempt for each in history if each.attempt.posed]
     if (is_torn or best.slipped) and may_lift and posed and not any(attempt.lifted for attempt in posed):
         why = "it was torn as it hung on the avatar" if is_torn else "it slipped off the shoulders, carried onto them"
-        return replace(_posed(stated, outfit, why, last=False), lifted=True)
+        return replace(posed_attempt(stated, outfit, why, last=False), lifted=True)
     return None
 
 
@@ -222,8 +192,8 @@ def _sliding(before: Attempt, number: int, slides: int) -> Attempt:
     scene = before.scene
     if scene.avatar is None:
         raise ValueError("there is no avatar to slide over")
-    solver = _updated(scene.solver, iterations=SLIDES[slides - 1])
-    sliding = _updated(scene, avatar=_updated(scene.avatar, friction=0.0), solver=solver)
+    solver = updated(scene.solver, iterations=SLIDES[slides - 1])
+    sliding = updated(scene, avatar=updated(scene.avatar, friction=0.0), solver=solver)
     others = tuple(choice for choice in before.choices if choice.key != "solver.start")
     why = "friction held cloth where it was torn, so it slid into place without"
     return replace(
@@ -267,51 +237,13 @@ def _untangling_start(history: Sequence[Ended], first: int) -> int | None:
     return None
 
 
-def _may_have_levels(stated: Scene) -> bool:
-    """Whether the program may choose the multilevel method."""
-    has_poses = stated.avatar is not None and bool(stated.avatar.poses)
-    is_open = stated.solver.method == "auto" and stated.solver.iterations is None
-    return is_open and stated.solver.start != "dressed" and not has_poses
-
-
-def _may_pose(stated: Scene, outfit: Outfit) -> bool:
-    """Whether the avatar may be posed within the garments: all free of pins, and with openings for limbs."""
-    if stated.solver.start != "auto" or stated.solver.method == "direct" or not outfit.wearing:
-        return False
-    pairs = zip(outfit.garments, outfit.wearing, strict=True)
-    return all(wearing is not None and not len(garment.pins) for garment, wearing in pairs)
-
-
-def _first_contact(scene: Scene, outfit: Outfit) -> tuple[bool, str]:
-    """Whether cloth meets cloth from the start, and why."""
-    stated = scene.collision.cloth
-    if stated != "auto":
-        return bool(stated), ""
-    if scene.solver.start == "dressed":
-        return False, "a dressed start has none"
-    if scene.solver.method in ("multilevel", "direct"):
-        return False, f'solver.method = "{scene.solver.method}" begins without it'
-    if len(outfit.garments) > 1:
-        return True, f"{len(outfit.garments)} garments touch each other"
-    if outfit.garments[0].rest.source.kind == "uv" and not (scene.avatar is None and _lies_as_cut(outfit.garments[0])):
-        return True, "panels touch as they are sewn"
-    return False, "nothing crosses"
-
-
-def _lies_as_cut(garment: Garment) -> bool:
-    """Whether a garment starts as its panels are cut, so that nothing is to be sewn."""
-    ends = garment.points[garment.rest.topology.edges]
-    placed = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    return bool(np.allclose(placed, garment.rest.edge_length, rtol=UNSEWN, atol=0.0))
-
-
 def _levels(
     stated: Scene,
     history: Sequence[Ended],
     begins_after: int | None,
     why: str = "the accelerated method ended torn, or made no more progress",
 ) -> Attempt:
-    attempt = _attempt(stated, "multilevel", False, "nothing crosses", why, begins_after, last=False)
+    attempt = decided_attempt(stated, "multilevel", False, "nothing crosses", why, begins_after, last=False)
     return _on_padded(attempt, history)
 
 
@@ -324,15 +256,6 @@ def _on_padded(attempt: Attempt, history: Sequence[Ended]) -> Attempt:
     if before.shown and not (before.torn or before.misplaced) and _may_pad(attempt.stated) and paddings < MOST_PADDINGS:
         paddings += 1
     return _with_paddings(attempt, paddings)
-
-
-def _posed(stated: Scene, outfit: Outfit, why: str, *, last: bool) -> Attempt:
-    touches, why_contact = _first_contact(stated, outfit)
-    if stated.collision.cloth == "auto" and not touches:
-        touches, why_contact = True, "the avatar moves within the garment"
-    method = "accelerated" if stated.solver.method == "auto" else stated.solver.method
-    attempt = _attempt(stated, method, touches, why_contact, "its iterations are the cheapest", None, last=last)
-    return replace(attempt, posed=True, choices=(*attempt.choices, Choice("solver.start", "posed", why)))
 
 
 def _may_turn(ended: Ended) -> bool:
@@ -366,7 +289,7 @@ def _settling(before: Attempt) -> Attempt:
 def _by_method(before: Attempt, method: str, why: str) -> Attempt:
     """The same attempt by another method, which the program chose."""
     others = [choice for choice in before.choices if choice.key != METHOD_KEY]
-    scene = _updated(before.scene, solver=_updated(before.scene.solver, method=method))
+    scene = updated(before.scene, solver=updated(before.scene.solver, method=method))
     return replace(before, scene=scene, choices=(*others, Choice(METHOD_KEY, method, why)))
 
 
@@ -382,42 +305,3 @@ def _with_paddings(attempt: Attempt, paddings: int) -> Attempt:
     others = [choice for choice in attempt.choices if choice.key != OFFSET_KEY]
     raised = Choice(OFFSET_KEY, "raised", "the body showed through large faces, and is padded under them")
     return replace(attempt, paddings=paddings, choices=(*others, raised))
-
-
-def _attempt(
-    stated: Scene,
-    method: str,
-    touches: bool,
-    why_contact: str,
-    why_method: str,
-    begins_after: int | None,
-    *,
-    last: bool,
-) -> Attempt:
-    """An attempt with these decisions; those that the scene states are no choices."""
-    collision, solver = stated.collision, stated.solver
-    choices = []
-    if collision.cloth == "auto":
-        choices.append(Choice("collision.cloth", touches, why_contact))
-    if solver.method == "auto":
-        choices.append(Choice(METHOD_KEY, method, why_method))
-    limit = solver.iterations
-    if limit is None:
-        limit = LEVELS_ITERATIONS if method == "multilevel" and solver.method == "auto" else MOST_ITERATIONS
-    scene = _updated(
-        stated, collision=_updated(collision, cloth=touches), solver=_updated(solver, method=method, iterations=limit)
-    )
-    patience = Patience.NONE
-    if solver.iterations is None:
-        patience = Patience.LONG if last else Patience.SHORT
-    may_turn = (touches or not last) and method == "accelerated" and _may_have_levels(stated)
-    turn_after = (FALLING if touches else FREE_FALLING) if may_turn else None
-    watches = collision.cloth == "auto" and not touches and method == "accelerated" and solver.start != "dressed"
-    return Attempt(scene, stated, tuple(choices), begins_after, patience, watches, turn_after)
-
-
-def _updated(table: Any, **values: Any) -> Any:
-    """The table itself where nothing changes, since caches may know it by identity."""
-    if all(getattr(table, name) == value for name, value in values.items()):
-        return table
-    return table.model_copy(update=values)

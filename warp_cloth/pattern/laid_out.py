@@ -24,13 +24,12 @@ from warp_cloth.pattern.pieces import halved
 from warp_cloth.pattern.placing import wraps_of
 from warp_cloth.pattern.specification import Edge, Panel, Pattern, Side, Stitch
 from warp_cloth.pattern.vocabulary import WORDS
-from warp_cloth.pattern.wrap import Cone, Laid
+from warp_cloth.pattern.wrap import MIRROR, Laid
 
 POINTS = 33  # of a curve, when shapes are compared
 KNOWN = 0.9  # of the cloth's area, that is to be of kinds which are known, and shaped as these are
 SURELY = 1.05  # over how far ends are the other way, from which a panel is not what it is taken for
 _BACK = dict(WORDS)["back"]
-MIRROR = np.array([-1.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,16 +135,8 @@ def _joint(stitch: Stitch, places: Sequence[list[list[int]]]) -> Joint:
 def _of_panel(wrap: Laid, part: Part, piece: Piece, flip: bool) -> Laid:
     """A part's wrap, for the panel as drawn: the part may be turned by half, and mirrored."""
     upright = float(np.abs(part.edges[0].points - piece.edges[0].points).max()) < 1e-9
-    if isinstance(wrap, Cone):
-        sign = 1.0 if upright else -1.0
-        own = replace(wrap, centre=sign * wrap.centre, up=sign * wrap.up)
-        first, last = own.angles
-        return replace(own, centre=own.centre * MIRROR, up=own.up * MIRROR, angles=(-first, -last)) if flip else own
-    along = wrap.along if upright else -wrap.along
-    if not flip:
-        return replace(wrap, along=along)
-    # seen from the other side x runs the other way: (x, y) of the panel is (-x, y) of the piece
-    return replace(wrap, along=along * MIRROR, centre=-wrap.centre, across=-wrap.across)
+    own = wrap if upright else wrap.upside_down()
+    return own.mirrored() if flip else own
 
 
 def _apart(pattern: Pattern) -> float:

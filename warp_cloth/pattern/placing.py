@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from warp_cloth.pattern.placing_gores import cone, gore
 from warp_cloth.pattern.placing_sleeves import sleeve, under_sleeve
 from warp_cloth.pattern.runs import faces_of, role_of
 from warp_cloth.pattern.specification import Side
-from warp_cloth.pattern.wrap import Cone, Laid, Wrap, flat_wrap
+from warp_cloth.pattern.wrap import Laid, Wrap, flat_wrap
 
 MOST_ROLLED = 0.6 * np.pi  # a half of the trunk's cover on either side of its middle
 GAP = 0.005  # [m] between a part and the body's middle
@@ -49,17 +48,8 @@ def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> 
         if joint.is_layer:
             layers[joint.one] -= 1  # how many layers of this seam come before
             for panel in {side.panel for side in joint.other if parts[side.panel].kind in (*STRIPS, "")}:
-                laid[panel] = _farther_out(laid[panel], (layers[joint.one] + 1) * GAP)
+                laid[panel] = laid[panel].farther_out((layers[joint.one] + 1) * GAP)
     return tuple(laid)
-
-
-def _farther_out(wrap: Laid, apart: float) -> Laid:
-    """A part laid outside of where it was, by so much [m], and as much wider where it is bent round something."""
-    if isinstance(wrap, Cone):
-        return wrap
-    wider = 1.0 + apart * np.abs(wrap.curvature)[:, None]
-    out = wrap.outward / np.linalg.norm(wrap.outward, axis=1, keepdims=True)
-    return replace(wrap, origin=wrap.origin + apart * out, across=wrap.across * wider, outward=wrap.outward * wider)
 
 
 def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Laid | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from warp_cloth.pattern.curve import Floats
 FLAT = 1e-6  # [1/m]
 SLOPE = 0.35  # [m per m] by which a cone starts wider as it goes down: as steep as that, few arms are in its way
 UP = np.array([0.0, 1.0, 0.0])
+MIRROR = np.array([-1.0, 1.0])  # of a panel's x and y, seen from its other side
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +56,20 @@ class Wrap:
             - back[:, None] * between(self.outward, within)
         )
 
+    def upside_down(self) -> Wrap:
+        """Of the panel turned by half."""
+        return replace(self, along=-self.along)
+
+    def mirrored(self) -> Wrap:
+        """Of the panel seen from the other side, where x runs the other way."""
+        return replace(self, along=self.along * MIRROR, centre=-self.centre, across=-self.across)
+
+    def farther_out(self, apart: float) -> Wrap:
+        """Laid outside of where it was, by so much [m], and as much wider where it is bent round something."""
+        wider = 1.0 + apart * np.abs(self.curvature)[:, None]
+        out = self.outward / np.linalg.norm(self.outward, axis=1, keepdims=True)
+        return replace(self, origin=self.origin + apart * out, across=self.across * wider, outward=self.outward * wider)
+
 
 @dataclass(frozen=True, eq=False)
 class Cone:
@@ -83,6 +98,19 @@ class Cone:
         left, forward = (way * (1.0 + SLOPE * below / float(np.linalg.norm(way))) for way in (self.left, self.forward))
         fall = below * float(np.sqrt(1.0 - SLOPE**2))
         return np.asarray(self.top + np.sin(angle) * left + np.cos(angle) * forward - fall * UP)
+
+    def upside_down(self) -> Cone:
+        """Of the panel turned by half."""
+        return replace(self, centre=-self.centre, up=-self.up)
+
+    def mirrored(self) -> Cone:
+        """Of the panel seen from the other side, where x runs the other way."""
+        first, last = self.angles
+        return replace(self, centre=self.centre * MIRROR, up=self.up * MIRROR, angles=(-first, -last))
+
+    def farther_out(self, apart: float) -> Cone:
+        """Itself: it stands away from the trunk as it is."""
+        return self
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ import numpy as np
 
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import CutShort
+from warp_cloth.model.first_attempt import MOST_ITERATIONS
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
-from warp_cloth.model.next_attempt import MOST_ITERATIONS
 from warp_cloth.model.result import Status
 from warp_cloth.report.judged import JudgedScene, listed
 from warp_cloth.report.numbers import short_number

@@ -21,7 +21,7 @@ from warp_cloth.base.threads import core_count
 from warp_cloth.base.version import package_version
 from warp_cloth.export.files import unwritable, whole_file
 from warp_cloth.garment.outfit import load_outfit, mesh_recipes
-from warp_cloth.model.next_attempt import first_attempt
+from warp_cloth.model.first_attempt import first_attempt
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.study.knobs import (

@@ -1,0 +1,138 @@
+"""Which attempt at a fit is made first.
+
+What a scene leaves to the program ("auto", no limit of iterations) is decided from its garments.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from warp_cloth.base.choice import Choice
+from warp_cloth.garment.garment import Garment
+from warp_cloth.garment.outfit import Outfit
+from warp_cloth.model.attempt import Attempt, Patience
+from warp_cloth.scene import Scene
+
+# Iterations of an attempt at most, the same on every machine. Of 81 random designs that came to rest with cloth on
+# cloth the slowest took 75,000; wide skirts whose folds lie on each other take longer.
+MOST_ITERATIONS = 200_000
+# The same of the multilevel method between others: of 20 designs those that it brought to rest took 9,200 at most.
+LEVELS_ITERATIONS = 10_000
+# Iterations after which cloth that still falls goes on by implicit steps. Most garments that meet themselves rest by
+# per-vertex ones within FALLING, which cost less (an iteration a tenth on a GPU, half on the CPU).
+FALLING = 6000
+# The same of cloth that touches nothing: a strip of 4,000 vertices that swings down from a clamp rests in a fourteenth
+# of the time.
+FREE_FALLING = 4000
+UNSEWN = 0.05  # strain of an edge that is to be sewn, at least
+METHOD_KEY = "solver.method"
+
+
+def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Attempt:
+    """What a scene is fitted with first; ``may_pose``: with the avatar posed, where the garments start badly on it."""
+    fault = next((each.start_fault for each in outfit.wearing if each is not None and each.start_fault), "")
+    if may_pose and fault and (posed := posed_first(scene, outfit, fault)) is not None:
+        return posed
+    touches, why = _first_contact(scene, outfit)
+    stated = scene.solver.method
+    method = "accelerated" if stated == "auto" else stated
+    return decided_attempt(
+        scene, method, touches, why, "its iterations are the cheapest", None, last=not may_have_levels(scene)
+    )
+
+
+def posed_first(scene: Scene, outfit: Outfit, why: str) -> Attempt | None:
+    """The first attempt with the avatar posed within the garments; None: it may not be, or these are no panels."""
+    are_panels = all(garment.rest.source.kind == "uv" for garment in outfit.garments)
+    if not are_panels or not may_be_posed(scene, outfit):
+        return None
+    return posed_attempt(scene, outfit, why, last=not may_have_levels(scene))
+
+
+def may_have_levels(stated: Scene) -> bool:
+    """Whether the program may choose the multilevel method."""
+    has_poses = stated.avatar is not None and bool(stated.avatar.poses)
+    is_open = stated.solver.method == "auto" and stated.solver.iterations is None
+    return is_open and stated.solver.start != "dressed" and not has_poses
+
+
+def may_be_posed(stated: Scene, outfit: Outfit) -> bool:
+    """Whether the avatar may be posed within the garments: all free of pins, and with openings for limbs."""
+    if stated.solver.start != "auto" or stated.solver.method == "direct" or not outfit.wearing:
+        return False
+    pairs = zip(outfit.garments, outfit.wearing, strict=True)
+    return all(wearing is not None and not len(garment.pins) for garment, wearing in pairs)
+
+
+def _first_contact(scene: Scene, outfit: Outfit) -> tuple[bool, str]:
+    """Whether cloth meets cloth from the start, and why."""
+    stated = scene.collision.cloth
+    if stated != "auto":
+        return bool(stated), ""
+    if scene.solver.start == "dressed":
+        return False, "a dressed start has none"
+    if scene.solver.method in ("multilevel", "direct"):
+        return False, f'solver.method = "{scene.solver.method}" begins without it'
+    if len(outfit.garments) > 1:
+        return True, f"{len(outfit.garments)} garments touch each other"
+    if outfit.garments[0].rest.source.kind == "uv" and not (scene.avatar is None and _lies_as_cut(outfit.garments[0])):
+        return True, "panels touch as they are sewn"
+    return False, "nothing crosses"
+
+
+def _lies_as_cut(garment: Garment) -> bool:
+    """Whether a garment starts as its panels are cut, so that nothing is to be sewn."""
+    ends = garment.points[garment.rest.topology.edges]
+    placed = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    return bool(np.allclose(placed, garment.rest.edge_length, rtol=UNSEWN, atol=0.0))
+
+
+def posed_attempt(stated: Scene, outfit: Outfit, why: str, *, last: bool) -> Attempt:
+    touches, why_contact = _first_contact(stated, outfit)
+    if stated.collision.cloth == "auto" and not touches:
+        touches, why_contact = True, "the avatar moves within the garment"
+    method = "accelerated" if stated.solver.method == "auto" else stated.solver.method
+    attempt = decided_attempt(stated, method, touches, why_contact, "its iterations are the cheapest", None, last=last)
+    return replace(attempt, posed=True, choices=(*attempt.choices, Choice("solver.start", "posed", why)))
+
+
+def decided_attempt(
+    stated: Scene,
+    method: str,
+    touches: bool,
+    why_contact: str,
+    why_method: str,
+    begins_after: int | None,
+    *,
+    last: bool,
+) -> Attempt:
+    """An attempt with these decisions; those that the scene states are no choices."""
+    collision, solver = stated.collision, stated.solver
+    choices = []
+    if collision.cloth == "auto":
+        choices.append(Choice("collision.cloth", touches, why_contact))
+    if solver.method == "auto":
+        choices.append(Choice(METHOD_KEY, method, why_method))
+    limit = solver.iterations
+    if limit is None:
+        limit = LEVELS_ITERATIONS if method == "multilevel" and solver.method == "auto" else MOST_ITERATIONS
+    scene = updated(
+        stated, collision=updated(collision, cloth=touches), solver=updated(solver, method=method, iterations=limit)
+    )
+    patience = Patience.NONE
+    if solver.iterations is None:
+        patience = Patience.LONG if last else Patience.SHORT
+    may_turn = (touches or not last) and method == "accelerated" and may_have_levels(stated)
+    turn_after = (FALLING if touches else FREE_FALLING) if may_turn else None
+    watches = collision.cloth == "auto" and not touches and method == "accelerated" and solver.start != "dressed"
+    return Attempt(scene, stated, tuple(choices), begins_after, patience, watches, turn_after)
+
+
+def updated(table: Any, **values: Any) -> Any:
+    """The table itself where nothing changes, since caches may know it by identity."""
+    if all(getattr(table, name) == value for name, value in values.items()):
+        return table
+    return table.model_copy(update=values)
