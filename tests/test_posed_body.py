@@ -62,7 +62,7 @@ def test_a_mouth_stays_within_a_thin_head(body: Mesh) -> None:
     is_mouth = np.arange(body.vertex_count) >= body.vertex_count - len(ball(MOUTH)[0])
     for thickness in (THIN, 2.0 * THIN):
         points = posed.points(posed.home, thickness)
-        off = np.linalg.norm(points - posed.base, axis=1)
+        off = np.linalg.norm(points - posed.points(posed.home, 0.0), axis=1)
         near = np.linalg.norm(body.points - body.points[is_mouth].mean(axis=0), axis=1) < 3.0 * MOUTH
         assert off.max() < thickness + 1e-9
         assert off[is_mouth].max() < 0.75 * thickness

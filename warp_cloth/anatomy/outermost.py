@@ -13,7 +13,7 @@ FAR = 2.0  # box diagonals of the surface, beyond which nothing of it is seen fr
 def outermost_distances(points: Points, triangles: Indices, start: Points, out: Points) -> Floats:
     """Where each ray leaves a surface for good [m], shape [N]; 0 where it does not meet the surface.
 
-    On the CPU, so that the bits are the same beside any device.
+    On the CPU, so that the bits are the same whatever device the fit runs on.
 
     Args:
         points: vertices of the surface [m], shape [V, 3].
@@ -25,14 +25,12 @@ def outermost_distances(points: Points, triangles: Indices, start: Points, out: 
 
     from warp_cloth.kernels.anatomy.outermost import find_outermost
 
-    found = np.zeros(len(start))
     if not len(triangles) or not len(start):
-        return found
+        return np.zeros(len(start))
     corners = points[triangles].reshape(-1, 3)
     far = FAR * float(np.linalg.norm(np.ptp(np.concatenate([corners, start]), axis=0)))
     vertices, rays, ways = (wp.array(rows, dtype=wp.vec3f, device="cpu") for rows in (points, start, out))
     mesh = wp.Mesh(vertices, wp.array(triangles.ravel(), dtype=wp.int32, device="cpu"))
     distances = wp.empty(len(start), dtype=wp.float32, device="cpu")
     wp.launch(find_outermost, len(start), inputs=[mesh.id, rays, ways, far], outputs=[distances], device="cpu")
-    found[:] = distances.numpy()
-    return found
+    return distances.numpy().astype(np.float64)

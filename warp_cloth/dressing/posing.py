@@ -39,12 +39,12 @@ class PosedBody:
         self._of_limb = [np.flatnonzero(limb == number) for number in range(TRUNK)]
         self._of_trunk = np.flatnonzero(limb == TRUNK)
         self._turns = ~(chest_stays & np.isin(limb, ARMS) & (skeleton.limb == TRUNK))[:, None]
-        self.base = skeleton.spine_at(body.points)  # the point that each vertex is thinned towards
+        self._base = skeleton.spine_at(body.points)  # the point that each vertex is thinned towards
         for curve, own in zip(self.home[:TRUNK], self._of_limb, strict=True):
-            self.base[own] = _at(curve, self._station[own])
-        self._offset = body.points - self.base
+            self._base[own] = _at(curve, self._station[own])
+        self._offset = body.points - self._base
         self._shares = _shares(body, limb, self._offset)
-        off = self.base[self._of_trunk][:, None] - self.home[TRUNK]
+        off = self._base[self._of_trunk][:, None] - self.home[TRUNK]
         self._station[self._of_trunk] = np.linalg.norm(off, axis=2).argmin(axis=1) / (STATIONS - 1)
 
     def _with_roots(self, points: Points) -> tuple[NDArray[np.int8], Floats]:
@@ -73,7 +73,7 @@ class PosedBody:
 
         Those within a limb stay within it.
         """
-        base, offset = self.base + self.slid(curves), self._offset.copy()
+        base, offset = self._base + self.slid(curves), self._offset.copy()
         for number, (curve, own) in enumerate(zip(curves[:TRUNK], self._of_limb, strict=True)):
             station = self._station[own]
             base[own] = _at(curve, station)
@@ -86,7 +86,7 @@ class PosedBody:
 
     def slid(self, curves: Sequence[Points]) -> Points:
         """How far the trunk's vertices are drawn up along it, from home [m], shape [V, 3]."""
-        moves = np.zeros_like(self.base)
+        moves = np.zeros_like(self._base)
         moves[self._of_trunk] = _at(curves[TRUNK] - self.home[TRUNK], self._station[self._of_trunk])
         return moves
 
@@ -157,14 +157,14 @@ def _between(home: Points, posed: Points, fraction: float) -> Points:
         return home
     first, last = np.diff(home, axis=0), np.diff(posed, axis=0)
     first_length, last_length = (np.linalg.norm(each, axis=1, keepdims=True) for each in (first, last))
-    a, b = first / np.maximum(first_length, 1e-9), last / np.maximum(last_length, 1e-9)
+    a, b = first / np.maximum(first_length, TINY), last / np.maximum(last_length, TINY)
     angle = np.arccos(np.clip((a * b).sum(axis=1, keepdims=True), -1.0, 1.0))
     sine = np.sin(angle)
     is_small = sine < 1e-4
     safe = np.where(is_small, 1.0, sine)
     turned = (np.sin((1.0 - fraction) * angle) * a + np.sin(fraction * angle) * b) / safe
     direction = np.where(is_small, (1.0 - fraction) * a + fraction * b, turned)
-    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
+    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), TINY)
     start = (1.0 - fraction) * home[0] + fraction * posed[0]
     segments = direction * ((1.0 - fraction) * first_length + fraction * last_length)
     return np.vstack([start, start + np.cumsum(segments, axis=0)])
@@ -179,13 +179,13 @@ def _at(curve: Points, station: Floats) -> Points:
 def _tangents(curve: Points) -> Points:
     """Unit tangents at the points of a curve, shape [N, 3]."""
     tangents = smoothed(np.gradient(curve, axis=0), SMOOTHING)
-    unit: Points = tangents / np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-9)
+    unit: Points = tangents / np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), TINY)
     return unit
 
 
 def _rotated(vectors: Points, before: Points, after: Points) -> Points:
     """Vectors turned by the smallest rotation that takes one direction to another, row by row (Rodrigues' formula)."""
-    a, b = (each / np.maximum(np.linalg.norm(each, axis=1, keepdims=True), 1e-9) for each in (before, after))
+    a, b = (each / np.maximum(np.linalg.norm(each, axis=1, keepdims=True), TINY) for each in (before, after))
     cosine = (a * b).sum(axis=1, keepdims=True)
     axis = np.cross(a, b)  # of the length of the sine
     along = axis * (axis * vectors).sum(axis=1, keepdims=True) / np.maximum(1.0 + cosine, 1e-3)

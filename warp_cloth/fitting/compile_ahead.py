@@ -12,7 +12,7 @@ from warp_cloth.base.compiling import compile_for_cpu, load_modules
 from warp_cloth.base.first_run import kernels_known
 from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.export.render import picture_modules
-from warp_cloth.kernels.anatomy import geodesics, outermost
+from warp_cloth.kernels.anatomy import geodesics
 from warp_cloth.kernels.contact import crossing
 from warp_cloth.scene import Scene
 
@@ -25,8 +25,7 @@ def compile_ahead(scene: Scene, device: str, clock: StageClock) -> None:
     if kernels_known(device):
         return
     gpu = wp.get_device(device).is_cuda
-    # the CPU's work for any device
-    host = [] if scene.avatar is None else [wp.get_module(each.__name__) for each in (geodesics, outermost)]
+    host = [] if scene.avatar is None else [wp.get_module(geodesics.__name__)]  # the CPU's work for any device
     own = [] if scene.avatar is None else avatar_modules("auto" if gpu else "depth")
     modules = [*own, wp.get_module(crossing.__name__), *picture_modules()]
     if gpu:

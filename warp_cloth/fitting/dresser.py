@@ -275,16 +275,18 @@ class Dresser:
 
     def lay_straps(self) -> None:
         """Tugs the straps of a garment inwards along the shoulders, while arms are still raised, unless that tears."""
-        whole, torn = self.points, self._stretched(TORN)
+        points = whole = self.points
+        torn = before = self._stretched(TORN)
         for _ in range(TUGS):
-            moved = tugged(self.wearing.shoulders, self.points, self.wearing.triangles)
-            if moved is None or self._stretched(TORN) > TAUT * self._problem.model.edge_count:
+            moved = tugged(self.wearing.shoulders, points, self.wearing.triangles)
+            if moved is None or torn > TAUT * self._problem.model.edge_count:
                 break
             self._put(moved)
             self._relax(BURST)
-            if self._stretched(TORN) <= torn:
-                whole = self.points
-        if self._stretched(TORN) > torn:
+            points, torn = self.points, self._stretched(TORN)
+            if torn <= before:
+                whole = points
+        if torn > before:
             self._put(whole)
 
     def come_home(self) -> None:

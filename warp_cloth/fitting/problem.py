@@ -28,7 +28,7 @@ from warp_cloth.garment.garment import terms_of
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import Attempt
-from warp_cloth.model.first_attempt import MOST_ITERATIONS, first_attempt, posed_first
+from warp_cloth.model.first_attempt import MOST_ITERATIONS, first_attempt, may_begin_posed, posed_first
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.patches.on_device import CutOptions
 from warp_cloth.model.plan import contact_kind
@@ -179,7 +179,7 @@ def load_problem(
     outfit = load_outfit(scene, mesh_cache)
     clock.lap("load")
     cache = cache or Cache()
-    attempt = _first_attempt(scene, outfit, device, cache) if may_pose else first_attempt(scene, outfit, may_pose=False)
+    attempt = _first_attempt(scene, outfit, device, cache, may_pose=may_pose)
     return build_problem([attempt], [outfit], device, earlier=earlier, cache=cache, options=options, clock=clock)
 
 
@@ -234,15 +234,15 @@ def build_problem(
     return replace(problem, certifier=Certifier(relaxation), pose_run=pose_run)
 
 
-def _first_attempt(scene: Scene, outfit: Outfit, device: str, cache: Cache) -> Attempt:
+def _first_attempt(scene: Scene, outfit: Outfit, device: str, cache: Cache, *, may_pose: bool = True) -> Attempt:
     """The first attempt, with the avatar posed where garments moved clear of it would be round the wrong limbs."""
-    attempt = first_attempt(scene, outfit)
-    if attempt.posed or not attempt.touches:
+    attempt = first_attempt(scene, outfit, may_pose=may_pose)
+    if attempt.posed or not attempt.touches or not (may_pose and may_begin_posed(scene, outfit)):
         return attempt
     (moved,) = placed([attempt.scene], [outfit], device, cache)
-    triples = zip(outfit.garments, moved.garments, outfit.wearing, strict=False)
+    triples = zip(outfit.garments, moved.garments, outfit.wearing, strict=True)
     if any(one is not other and wearing and wearing.is_astray(other.points) for one, other, wearing in triples):
-        return posed_first(scene, outfit, "moved clear of the body it would be round the wrong limbs") or attempt
+        return posed_first(scene, outfit, "moved clear of the body it would be round the wrong limbs")
     return attempt
 
 

@@ -33,9 +33,10 @@ METHOD_KEY = "solver.method"
 
 def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Attempt:
     """What a scene is fitted with first; ``may_pose``: with the avatar posed, where the garments start badly on it."""
-    fault = next((each.start_fault for each in outfit.wearing if each is not None and each.start_fault), "")
-    if may_pose and fault and (posed := posed_first(scene, outfit, fault)) is not None:
-        return posed
+    if may_pose and may_begin_posed(scene, outfit):
+        fault = next((each.start_fault for each in outfit.wearing if each is not None and each.start_fault), "")
+        if fault:
+            return posed_first(scene, outfit, fault)
     touches, why = _first_contact(scene, outfit)
     stated = scene.solver.method
     method = "accelerated" if stated == "auto" else stated
@@ -44,11 +45,13 @@ def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Att
     )
 
 
-def posed_first(scene: Scene, outfit: Outfit, why: str) -> Attempt | None:
-    """The first attempt with the avatar posed within the garments; None: it may not be, or these are no panels."""
-    are_panels = all(garment.rest.source.kind == "uv" for garment in outfit.garments)
-    if not are_panels or not may_be_posed(scene, outfit):
-        return None
+def may_begin_posed(scene: Scene, outfit: Outfit) -> bool:
+    """Whether the first attempt may be with the avatar posed: within panels."""
+    return all(garment.rest.source.kind == "uv" for garment in outfit.garments) and may_be_posed(scene, outfit)
+
+
+def posed_first(scene: Scene, outfit: Outfit, why: str) -> Attempt:
+    """The first attempt with the avatar posed within the garments."""
     return posed_attempt(scene, outfit, why, last=not may_have_levels(scene))
 
 

@@ -111,7 +111,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
             raise InputError(f"{file}: piece", f'there is no piece "{short(name)}"', f"the pieces are {listed}")
     parts: list[Part] = []
     left_out = [piece for piece in pieces if stated.get(piece.name, Stated()).place == "none"]
-    told, notes = _told([piece for piece in pieces if piece not in left_out])
+    told, notes = _identified([piece for piece in pieces if piece not in left_out])
     pieces = [*told, *left_out]
     panelled = _panelled(pieces, stated)
     places = {piece.name: stated.get(piece.name, Stated()).place for piece in pieces}
@@ -151,16 +151,16 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
 
 def parts_as_drawn(pieces: Sequence[Piece]) -> tuple[Part, ...]:
     """A part for each piece, none of them left out, mirrored or opened."""
-    told, _ = _told(pieces)
+    told, _ = _identified(pieces)
     top, panelled = _top_of({piece.what.kind for piece in told}), _panelled(told, {})
     return tuple(_twins([_part(piece, Stated(), panelled, top) for piece in told]))
 
 
-def _told(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
-    """The pieces, with what others and shapes tell where names do not; and notes on that."""
-    beside, notes = with_middles(pieces)
-    told, noted = told_by_shape(beside)
-    return told, [*notes, *noted]
+def _identified(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
+    """The pieces, identified by seams and shapes where names do not say what they are; and notes on that."""
+    known, by_seams = with_middles(pieces)
+    known, by_shapes = told_by_shape(known)
+    return known, [*by_seams, *by_shapes]
 
 
 def _top_of(kinds: Set[str]) -> _Top:

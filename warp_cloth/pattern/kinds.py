@@ -177,7 +177,7 @@ def named_all(texts: Sequence[Sequence[str]]) -> list[Named]:
         if re.search(INNER_CLOTH, plain(material)):
             what = replace(what, kind="none")
         found.append(what)
-    # "right side front" may mean the side of the wearer: a side panel has a middle one beside it, if by another name
+    # "right side front" may mean the side of the wearer: a side panel has a middle one next to it, if by another name
     whole = {what.kind for what in found if not what.panel}
     return [what if {what.kind, ""} & whole or not what.kind else replace(what, panel="") for what in found]
 

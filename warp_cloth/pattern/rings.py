@@ -1,7 +1,7 @@
 """Bands of one panel that a specification places flat: laid as rings where they are sewn on.
 
 A collar, cuff or waistband whose ends are sewn to each other goes round a limb. Placed flat, on one side of that limb
-or through it, it would be sewn beside it, and where its edges lie does not tell which way round they are sewn. What it
+or through it, it would be sewn next to it, and where its edges lie does not tell which way round they are sewn. What it
 is sewn to lies round the limb already, so the band starts there, going on where that ends.
 """
 
@@ -90,15 +90,15 @@ def _ring(
 ) -> Ring | None:
     """A band as a ring on the seams of its run; None while a panel there is ``waiting`` to be laid itself."""
     panel = panels[index]
-    sewn = [
-        _sewn_to(panels, seam, which)
+    pairs = [
+        (seam, which)
         for seam in seams
         for which, piece in enumerate(seam.pieces)
         if piece.side.panel == index and piece.side.edge in run
     ]
-    if any(seam.pieces[1 - k].side.panel in waiting for seam in seams for k, piece in enumerate(seam.pieces)
-           if piece.side.panel == index and piece.side.edge in run):  # fmt: skip
+    if any(seam.pieces[1 - which].side.panel in waiting for seam, which in pairs):
         return None
+    sewn = [_sewn_to(panels, seam, which) for seam, which in pairs]
     sewn.sort(key=lambda each: (run.index(each.piece.side.edge), each.piece.low))
     lengths = [panel.edges[each.piece.side.edge].curve.length * (each.piece.high - each.piece.low) for each in sewn]
     starts = np.cumsum([0.0, *lengths])

@@ -45,7 +45,7 @@ CROSSING_CHECKS = (2000, 8000)
 # Iterations after which what still crosses stays tangled. Random designs came apart 300 to 500 after being sewn; one
 # that the multilevel method had left with crossings, after more than 4,000.
 TANGLED = {Patience.NONE: math.inf, Patience.SHORT: 4000, Patience.LONG: 10_000}
-ASTRAY = 1000  # the same, where cloth is wound round a limb besides and another attempt may do better
+ASTRAY = 1000  # the same, where cloth is wound round a limb, too, and another attempt may do better
 
 
 # Cloth still falls while the fraction of its forces that is out of balance, times the iterations so far, is more than
@@ -149,7 +149,7 @@ def relax_items(
         follow: gives new colliders to items that leave the region of the old ones.
         schedule: of contact of cloth with cloth; such a scene is a single item.
         crosses: tells which items' cloth passes through cloth, for goals that end there.
-        astray: tells of a scene with contact whether its cloth is wound round a limb, where it stays tangled.
+        astray: tells whether the cloth of a scene with contact is wound round a limb, where it stays tangled.
         on_check: called with every measurement of all items, and the seconds so far.
         on_burst: called after every burst with its last iteration; positions are those of the last update_model.
         ahead: whether iterations run while a check is read; None: if that saves time. Must be off if more iterations
@@ -323,7 +323,9 @@ class _Loop:
             waited = self._schedule.tangled_for
             given_up = [item for item in self._active if waited >= TANGLED[self._goals[item].patience]]
             if self._astray is not None and waited >= ASTRAY and self._goals[0].patience is Patience.SHORT:
-                given_up, self._astray = self._active if self._astray() else given_up, None
+                if self._astray():
+                    given_up = self._active
+                self._astray = None
             found |= dict.fromkeys(given_up, CutShort.CROSSING)
         found |= dict.fromkeys(self._turning(measured), CutShort.SLOW)
         if self._crosses is not None and self._looks_for_crossings(measured.iteration):

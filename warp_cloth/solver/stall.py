@@ -28,8 +28,6 @@ class StallWatch:
     def __init__(self, patience: Sequence[Patience], tolerances: Sequence[Tolerance]) -> None:
         stalls = [STALL.get(each, (np.inf, 1.0)) for each in patience]
         self._iterations, self._fraction = np.array(stalls).T
-        jams = [(*STALL[Patience.SHORT],) if each in STALL else (np.inf, 1.0) for each in patience]
-        self._jammed_iterations, self._jammed_fraction = np.array(jams).T
         self._limits = np.array([(each.relative_rms, each.rest_error) for each in tolerances])
         self._best = np.full((len(patience), 2), np.inf)
         self._best_at = np.zeros((len(patience), 2), dtype=np.int64)
@@ -38,12 +36,14 @@ class StallWatch:
         """Whether each item has stalled, by a measurement of all items and those before it, shape [items]."""
         figures: Floats = np.stack([measured.relative_rms, measured.rest_error], axis=1)
         within = figures <= self._limits
-        jammed = within[:, 1] & ~within[:, 0]
+        jammed = within[:, 1] & ~within[:, 0] & np.isfinite(self._iterations)
         gained = figures < (1.0 - LEAST_GAIN) * self._best
         gained[:, 1] &= ~jammed
         self._best = np.where(gained, figures, self._best)
         self._best_at = np.where(gained, measured.iteration, self._best_at)
         since = measured.iteration - self._best_at.max(axis=1)
-        most = np.where(jammed, self._jammed_iterations, self._iterations)
-        fraction = np.where(jammed, self._jammed_fraction, self._fraction)
-        return np.asarray(since > np.maximum(most, fraction * measured.iteration))
+        iterations, fraction = (
+            np.where(jammed, short, own)
+            for short, own in zip(STALL[Patience.SHORT], (self._iterations, self._fraction), strict=True)
+        )
+        return np.asarray(since > np.maximum(iterations, fraction * measured.iteration))
