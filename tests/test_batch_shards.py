@@ -40,7 +40,7 @@ def test_large_shards_are_small_at_first_and_at_last() -> None:
     assert sizes(4096, 1024) == [128, 204, 326, 521, 997, 1024, 512, 256, 128]
     assert sizes(210, 70) == [35, 56, 84, 35]
     assert sizes(70, 70) == [35, 35]
-    assert sizes(63, 70) == [63]
+    assert sizes(15, 70) == [15]
     for count in range(64, 3000, 37):
         assert max(sizes(count, 64 + count // 9)) <= 1.25 * (64 + count // 9)
 

@@ -49,6 +49,16 @@ def gpu_count() -> int:
     return count.value if there else 0
 
 
+def gpu_memory(name: str) -> int:
+    """Memory of a GPU, "cuda:N" [bytes], by the driver; 0 where there is no such GPU."""
+    number, total = name.removeprefix("cuda:"), ctypes.c_size_t()
+    if number.isdecimal() and int(number) < gpu_count():
+        driver, device = ctypes.CDLL("libcuda.so.1"), ctypes.c_int()
+        if not driver.cuDeviceGet(ctypes.byref(device), int(number)):
+            driver.cuDeviceTotalMem_v2(ctypes.byref(total), device)
+    return total.value
+
+
 def wake_gpu(name: str) -> None:
     """Creates the primary context of a GPU, "cuda:N", which Warp will use; without Python's lock, during imports."""
     number = name.removeprefix("cuda:")

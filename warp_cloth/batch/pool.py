@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import core_count
+from warp_cloth.batch.gpu_sharing import ALONE, GpuSharing
 from warp_cloth.batch.lifeline import sigint_blocked
 from warp_cloth.batch.processes import START_METHOD, process_context, start_method
 from warp_cloth.batch.task import Done, Task
@@ -59,9 +60,17 @@ class Pool(Protocol):
 class WorkerSlot:
     """A place for a worker: its device, its fraction of that, how many processes load for it, its current task."""
 
-    def __init__(self, device: str, fraction: float, loader_count: int, rank: int, duty: Duty = SHARDS) -> None:
+    def __init__(
+        self,
+        device: str,
+        fraction: float,
+        loader_count: int,
+        rank: int,
+        duty: Duty = SHARDS,
+        sharing: GpuSharing = ALONE,
+    ) -> None:
         self.device, self.fraction, self.loader_count, self.rank = device, fraction, loader_count, rank
-        self.duty = duty
+        self.duty, self.sharing = duty, sharing
         self.task: Any = None  # what the duty's function takes
         self.last_task: Any = None  # whose meshes the worker has loaded
         self.losses = 0  # of the device, in a row
@@ -77,7 +86,7 @@ class WorkerSlot:
         """
         context = process_context()
         self.connection, theirs = context.Pipe()
-        arguments = (theirs, self.device, self.loader_count, self.rank, self.duty)
+        arguments = (theirs, self.device, self.loader_count, self.rank, self.duty, self.sharing.environment)
         # not a daemon, which could have no loaders; it ends with this process all the same
         self.process = context.Process(target=serve, args=arguments)  # type: ignore[attr-defined]
         try:
@@ -119,6 +128,7 @@ class WorkerSlot:
             raise cannot_start(received.reason)
         if isinstance(received, str):  # why its device is lost
             self.losses += 1
+            self.sharing = ALONE  # the next worker does without: it may be the service that is lost
             return self._lost(received)
         self.task, self.losses = None, 0
         return received
@@ -206,12 +216,18 @@ class LocalPool:
     """Worker processes, one for each device named; on a GPU all but the first start when they get a task.
 
     ``check`` returns the devices that really exist, which takes a while: it is called when a worker has lost its own.
+    ``sharing``: how several workers share a GPU.
     """
 
     retries = False
 
-    def __init__(self, devices: Sequence[str], check: Callable[[], Sequence[str]] | None = None) -> None:
-        self._check = check
+    def __init__(
+        self,
+        devices: Sequence[str],
+        check: Callable[[], Sequence[str]] | None = None,
+        sharing: GpuSharing = ALONE,
+    ) -> None:
+        self._check, self._sharing = check, sharing
         self._waiting: list[Task] = []
         self._slots: list[WorkerSlot] = []
         self._open(devices)
@@ -223,7 +239,7 @@ class LocalPool:
         workers, count = collections.Counter(self.devices), len(self.devices)
         ranks = [self.devices[:number].count(device) for number, device in enumerate(self.devices)]
         self._slots = [
-            WorkerSlot(device, 1.0 / workers[device], loader_count(device, count), rank)
+            WorkerSlot(device, 1.0 / workers[device], loader_count(device, count), rank, sharing=self._sharing)
             for device, rank in zip(self.devices, ranks, strict=True)
         ]
         for slot in self._slots:
@@ -281,7 +297,8 @@ class LocalPool:
         ]
         some = self._waiting[: TASKS_COMPARED if slot.device == "cpu" else 1]  # a GPU's shards have their order
         task = self._waiting.pop(best_shared([task.shard.inputs for task in some], own, others))
-        lease = task.store.lease_file(slot.device) if slot.fraction < 1.0 and slot.device != "cpu" else None
+        takes_turns = slot.fraction < 1.0 and slot.device != "cpu" and not slot.sharing.active
+        lease = task.store.lease_file(slot.device) if takes_turns else None
         shared = task.shared if slot.loader_count and len(self._slots) > 1 else None
         return replace(task, device=slot.device, fraction=slot.fraction, lease=lease, shared=shared)
 

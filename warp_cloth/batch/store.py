@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 Keep = Literal["arrays", "stages", "none"]
 MOST_OVER = 1.25  # times the stated size of a shard, at most
-LARGE = 64  # items per shard from which shards grow and shrink
+LARGE = 16  # items per shard from which shards grow and shrink
 FIRST_SHARD = 128  # items of the first shard and the last: fewer do not fill a GPU
 GROWTH = 1.6  # from shard to shard at first: the next one loads while one relaxes
 SHRINKING = 2.0  # and at the end: measuring a shard takes about as long as relaxing half of it

@@ -13,6 +13,7 @@ import shutil
 import signal
 import sys
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing.connection import Connection
@@ -47,12 +48,23 @@ class Duty:
 SHARDS = Duty()  # of a batch
 
 
-def serve(connection: Connection, device: str, loader_count: int, rank: int, duty: Duty = SHARDS) -> None:
+def serve(
+    connection: Connection,
+    device: str,
+    loader_count: int,
+    rank: int,
+    duty: Duty = SHARDS,
+    environment: Sequence[tuple[str, str | None]] = (),
+) -> None:
     """A worker's main function: receives tasks until None or the end of the pipe, and sends what came of each.
 
-    ``loader_count``, ``rank``: see LoadCache.
+    ``loader_count``, ``rank``: see LoadCache; ``environment``: see GpuSharing.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started the workers ends them
+    for name, value in environment:
+        os.environ.pop(name, None)
+        if value is not None:
+            os.environ[name] = value
     try:
         load_cache = _start(device, loader_count, rank, duty)
         connection.send(Started())

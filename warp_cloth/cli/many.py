@@ -28,7 +28,7 @@ def batch(
         str | None, typer.Option(help="cpu, cuda (all GPUs) or cuda:N.", show_default="all GPUs, or the CPU")
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(help="Number of processes.", show_default="one per core, or four per GPU")
+        int | None, typer.Option(help="Number of processes.", show_default="one per core, or several per GPU")
     ] = None,
     ray: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Run on the Ray cluster at this address.")] = None,
     keep: Annotated[
