@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from warp_cloth.anatomy.linking import Wearing
-from warp_cloth.anatomy.openings import ARMS, LEGS
+from warp_cloth.anatomy.openings import ARMS, LEGS, Limbs
 from warp_cloth.anatomy.raising import LEGS_AWAY, raised_limb, standing_leg
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM
 from warp_cloth.base.curves import arc_lengths, resampled
@@ -260,7 +260,7 @@ def test_a_neckline_that_starts_behind_the_neck_is_moved_round_it() -> None:
     triangles = np.concatenate([np.stack([step, after, step + 24], 1), np.stack([after, after + 24, step + 24], 1)])
     leaning = np.array([[0.0, 1.3, 0.0], [0.0, 1.43, 0.07], [0.0, 1.5, 0.15], [0.0, 1.7, 0.15]])
     away = np.array([[5.0, 0.0, 0.0], [5.0, 1.0, 0.0]])
-    body = SimpleNamespace(up=np.array([0.0, 1.0, 0.0]), curves=[leaning, away, away, away, away])
+    body = SimpleNamespace(up=np.array([0.0, 1.0, 0.0]), curves=[leaning, away, away, away, away], span=1.7)
     opening = SimpleNamespace(loop=step + 24)
     wearing = Wearing((opening,), ((HEAD,),), triangles, body, points, points)  # type: ignore[arg-type]
     assert wearing.pierced(points) == (HEAD,)
@@ -268,6 +268,15 @@ def test_a_neckline_that_starts_behind_the_neck_is_moved_round_it() -> None:
     np.testing.assert_allclose(moved, [0.0, 0.0, 0.15], atol=1e-12)
     assert wearing.pierced(points + moved) == ()
     np.testing.assert_array_equal(wearing._onto_neck(points + moved), np.zeros(3))
+
+
+@pytest.mark.parametrize(("along", "limbs"), [(0.395, ()), (0.305, (0,))])
+def test_a_face_that_a_fingertip_shows_through_does_not_run_through_the_arm(along: float, limbs: Limbs) -> None:
+    arm = np.stack([np.linspace(0.0, 0.4, 41), np.zeros(41), np.zeros(41)], axis=1)
+    body: Any = SimpleNamespace(curves=[arm], span=1.7)
+    across = np.array([[along, -0.01, -0.01], [along, 0.02, -0.01], [along, 0.0, 0.02]])
+    wearing = Wearing((), (), np.array([[0, 1, 2]]), body, across, across)
+    assert wearing.pierced(across) == limbs
 
 
 @pytest.mark.parametrize(("above", "is_so"), [(0.2, True), (0.05, False)])

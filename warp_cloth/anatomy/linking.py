@@ -19,6 +19,7 @@ from warp_cloth.anatomy.openings import ARMS, LEGS, Limbs, Opening, limbs_for
 from warp_cloth.anatomy.shoulders import Shoulders, height_over_shoulders
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, Skeleton
 from warp_cloth.anatomy.standing import moved_from_standing
+from warp_cloth.base.curves import arc_lengths
 from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.base.topology import triangles_across
 
@@ -33,6 +34,7 @@ BUST = 0.4  # of the way from the waist to the shoulders: strapless tops begin a
 COVERED = 0.03  # [m] of a sleeve beyond the fingertips, or of a leg beyond the toes, that is too long
 NECK = 0.08  # [m] above the shoulders: a neckline that starts higher is round the head
 LOW = 0.05  # [m] below the shoulders, where what has sleeves stays off them: nothing falls up
+TIP = 0.012  # of the span: so much of a limb's end, where its curve meets the skin, may show through a large face
 LEVEL = 0.01  # [m] by which the rims of a disc differ in height, where it starts flat
 NECK_TO_SLEEVE = 0.2  # [m] from the neckline to the opening of a sleeve, at least; to an armhole it is 0.06 to 0.12
 FAR_SHOULDERS = 0.14  # of the span, above or below the shoulders: from nearer, what starts beside them falls onto them
@@ -370,8 +372,16 @@ class Wearing:
         return self.shoulders.slipped(points, self.triangles)
 
     def pierced(self, points: Points) -> Limbs:
-        """The limbs that the cloth at ``points`` [m] runs through the middle of."""
-        return tuple(np.flatnonzero(surface_crossings(points, self.triangles, self.skeleton.curves)).tolist())
+        """The limbs that the cloth at ``points`` [m] runs through the middle of, not only through their tips."""
+        return tuple(np.flatnonzero(surface_crossings(points, self.triangles, self._curves_within)).tolist())
+
+    @cached_property
+    def _curves_within(self) -> list[Points]:
+        """The limbs' curves without their tips, which lie on the skin."""
+        lengths = [arc_lengths(curve) for curve in self.skeleton.curves]
+        tip = TIP * self.skeleton.span
+        pairs = zip(self.skeleton.curves, lengths, strict=True)
+        return [curve[along <= along[-1] - tip] for curve, along in pairs]
 
 
 def _slope(across: Floats, up: Floats) -> float:
