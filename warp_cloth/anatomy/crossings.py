@@ -21,9 +21,11 @@ def surface_crossings(points: Points, triangles: Indices, curves: Sequence[Point
     low, high = zip(*(_range(column[a], column[b], column[c]) for column in _columns(points)), strict=True)
     starts, ends, hit, owner = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for number, curve in enumerate(curves):
-        for first in range(0, len(curve) - 1, BLOCK):
+        own = _overlapping(low, high, curve.min(axis=0), curve.max(axis=0))
+        own_low, own_high = (tuple(column[own] for column in columns) for columns in (low, high))
+        for first in range(0, len(curve) - 1 if len(own) else 0, BLOCK):
             part = curve[first : first + BLOCK + 1]
-            near = _overlapping(low, high, part.min(axis=0), part.max(axis=0))
+            near = own[_overlapping(own_low, own_high, part.min(axis=0), part.max(axis=0))]
             count = len(part) - 1
             starts.append(np.repeat(part[:-1], len(near), axis=0))
             ends.append(np.repeat(part[1:], len(near), axis=0))

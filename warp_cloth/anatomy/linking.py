@@ -57,10 +57,9 @@ def misplaced_openings(
     for opening, limbs in zip(openings, wanted, strict=True):
         if not limbs:
             continue
-        rings = opening.rings(points, triangles)
         through: Limbs = ()
-        for level in range(rings.count):
-            through = limbs_through(*rings.ring(level), skeleton.curves)
+        for ring in opening.rings_inwards(points, triangles):
+            through = limbs_through(*ring, skeleton.curves)
             if _fits(limbs, through):
                 break
         else:
@@ -245,8 +244,10 @@ class Wearing:
 
     def sunk(self, points: Points) -> bool:
         """Whether a garment that hangs from the waist has slid down it, or down one side of it, at ``points`` [m]."""
+        if not self.hangs_from_waist:
+            return False
         sunk = min(self.drop(points) - self.above_waist, self._below_crotch(points))
-        return self.hangs_from_waist and (sunk > SUNK * self.skeleton.span or self.hangs_from_one_hip(points))
+        return sunk > SUNK * self.skeleton.span or self.hangs_from_one_hip(points)
 
     def hangs_from_one_hip(self, points: Points) -> bool:
         """Whether the top of a garment that hangs from the waist slopes down to one side, at ``points`` [m]."""
@@ -381,7 +382,7 @@ class Wearing:
         lengths = [arc_lengths(curve) for curve in self.skeleton.curves]
         tip = TIP * self.skeleton.span
         pairs = zip(self.skeleton.curves, lengths, strict=True)
-        return [curve[along <= along[-1] - tip] for curve, along in pairs]
+        return [curve[along <= max(along[-1] - tip, 0.0)] for curve, along in pairs]
 
 
 def _slope(across: Floats, up: Floats) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,8 +36,18 @@ class Opening:
 
     def rings(self, points: Points, triangles: Indices) -> LevelLines:
         """Rings of cloth at growing distances from the opening, the opening itself first; ``points`` [m]."""
-        levels = np.concatenate([[1e-4], np.linspace(0.0, 0.95 * max(self.depth, 2e-3), RINGS)[1:]])
-        return level_lines(points, triangles, self.distances, levels)
+        return level_lines(points, triangles, self.distances, self._levels)
+
+    def rings_inwards(self, points: Points, triangles: Indices) -> Iterator[tuple[Points, Points]]:
+        """The same one after another, the ends of their segments [m]: mostly the first one tells."""
+        yield level_lines(points, triangles, self.distances, self._levels[:1]).ring(0)
+        others = level_lines(points, triangles, self.distances, self._levels[1:])
+        yield from (others.ring(level) for level in range(others.count))
+
+    @property
+    def _levels(self) -> Floats:
+        """Distances of the rings from the opening [m]."""
+        return np.concatenate([[1e-4], np.linspace(0.0, 0.95 * max(self.depth, 2e-3), RINGS)[1:]])
 
     def ring_behind(self, points: Points, triangles: Indices, distance: float) -> LevelLines | None:
         """The ring of cloth that far behind the opening [m]; None where the cloth is no tube there."""
