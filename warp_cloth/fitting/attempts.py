@@ -57,13 +57,15 @@ class Run:
     @property
     def ended(self) -> Ended:
         outcome, pairs = self.outcome, self.crossings.pairs
+        passes = self.overlap is not None and len(self.overlap.edges) > 0
         return Ended(
             self.attempt,
             outcome.status,
             pairs,
             len(outcome.points),
             torn=self.torn,
-            misplaced=self.placement.is_astray or (self.overlap is not None and len(self.overlap.edges) > 0),
+            misplaced=self.placement.is_astray or passes,
+            caught=passes and not self.placement.is_astray,
             sunk=self.placement.sunk,
             slipped=self.placement.slipped,
             shown=self.overlap is not None and float(self.overlap.face_depths.max(initial=0.0)) > 1e-3 * VISIBLE,

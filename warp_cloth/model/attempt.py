@@ -82,6 +82,7 @@ class Ended:
     vertices: int  # of all garments
     torn: int = 0  # edges that are stretched as no worn cloth is
     misplaced: bool = False  # whether a limb is outside its opening, or cloth runs through one
+    caught: bool = False  # whether only the latter, at the rim of a limb: all limbs are in their openings
     sunk: bool = False  # whether a garment has slid down from the waist
     slipped: bool = False  # whether a garment has slipped off a shoulder
     shown: bool = False  # whether the avatar shows through faces whose corners are outside
@@ -97,6 +98,11 @@ class Ended:
     def ended_placed(self) -> bool:
         """Whether it is at rest with every limb in its opening."""
         return self.status is Status.AT_REST and self.apart and not self.misplaced
+
+    @property
+    def hangs_in_openings(self) -> bool:
+        """Whether it is at rest with every limb in its opening, though cloth may be caught on one."""
+        return self.ended_placed or (self.caught and replace(self, misplaced=False).ended_placed)
 
     @property
     def well(self) -> bool:
@@ -119,7 +125,7 @@ class Ended:
         return self.sunk and not self.torn and self.apart and self.status is Status.AT_REST
 
     @property
-    def rank(self) -> tuple[bool, bool, bool, bool, bool, bool, bool, int, int]:
+    def rank(self) -> tuple[bool, bool, bool, bool, bool, bool, bool, bool, int, int]:
         """Larger is better; what slid without friction is none of the scene's shapes.
 
         What came off tells more than the same on its way there, with the legs still in it.
@@ -128,7 +134,9 @@ class Ended:
         finite = self.status is not Status.DIVERGED and not self.attempt.slides
         placed, held = not self.misplaced or self.came_off, not (self.sunk or self.slipped)
         covers = not self.shown or self.came_off
-        return finite, self.well, placed, held, covers, self.apart and rests, self.apart, -self.torn, -self.crossings
+        rested = self.apart and rests
+        crossed = -self.torn, -self.crossings
+        return finite, self.well, placed, placed or self.caught, held, covers, rested, self.apart, *crossed
 
 
 def best_of(history: Sequence[Ended]) -> int:
