@@ -202,7 +202,8 @@ def _copies(piece: Piece, said: Stated, part: Part, is_half: bool, place: str, n
     stated = said.copies if said.copies is not None else piece.copies
     if stated is None:
         one_sided = piece.what.side != BOTH or PLACES.get(said.place or "", ("", BOTH))[1] != BOTH
-        pair = (part.kind in PAIRED or is_half) and not one_sided
+        is_strip_of_hood = part.kind == "hood" and "long" in part.roles
+        pair = ((part.kind in PAIRED and not is_strip_of_hood) or is_half) and not one_sided
         if pair:
             notes.append(f"{place} states no quantity: a pair is taken")
         return True, pair
@@ -312,8 +313,8 @@ def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yoke
         return pants_roles(shape)
     if kind in ("sleeve", "under_sleeve"):
         return sleeve_roles(shape)
-    if kind == "hood":
-        return hood_roles(shape)
+    if kind == "hood":  # or the strip between its halves
+        return strip_roles(shape) if whole and is_strip(shape) else hood_roles(shape)
     if kind.removeprefix("side_") in ("skirt_front", "skirt_back", "gore"):
         return skirt_roles(shape)
     if kind in STRIPS and is_strip(shape) and (found := strip_roles(shape)):
