@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dxf_patterns import hooded, write
+from dxf_shirts import shirt, write_shirt
 
 from warp_cloth.anatomy.openings import ARMS
 from warp_cloth.dressing.routes import limb_routes
@@ -52,3 +53,19 @@ def test_sleeves_of_a_body_with_its_arms_down_start_raised_and_its_arms_with_the
     posed = replace(wearing, skeleton=replace(wearing.skeleton, curves=curves))
     assert not posed.misplaced(garment.points)
     assert not posed.pierced(garment.points)
+
+
+def test_arms_go_out_through_the_sleeves_of_a_shirt_that_is_open(tmp_path: Path, shared_data: Path) -> None:
+    """A way round the open front and in at the cuff is clear of cloth, too."""
+    path = write_shirt(shirt(), tmp_path / "shirt.dxf")
+    body = shared_data / "garmentcode/mean_all.obj"
+    scene = load_scene({"garment": {"pattern": str(path), "edge_mm": 1e3 * EDGE}, "avatar": {"mesh": str(body)}})
+    outfit = load_outfit(scene)
+    (wearing,), (garment,) = outfit.wearing, outfit.garments
+    assert wearing is not None
+    routes = limb_routes(wearing, garment.points)
+    curves = tuple(
+        home if route is None else route.curve for home, route in zip(wearing.skeleton.curves, routes, strict=True)
+    )
+    posed = replace(wearing, skeleton=replace(wearing.skeleton, curves=curves))
+    assert not posed.misplaced(garment.points)

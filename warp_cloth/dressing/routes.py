@@ -62,6 +62,10 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
                 routes[limb] = _in_sleeve(limb, opening, wearing, points)
             if way is not None and routes[limb] is None:
                 routes[limb] = _through(way, limb, points[opening.loop], skeleton, space)
+                # of what is open in front, a way round a narrow sleeve may come in at its end
+                if not _passes(routes[limb], limb, opening, wearing, points):
+                    home = Route(skeleton.curves[limb], 0.0)
+                    routes[limb] = home if _passes(home, limb, opening, wearing, points) else routes[limb]
     for arm in ARMS:
         if routes[arm] is None:
             routes[arm] = _raised(arm, skeleton, space)
@@ -81,12 +85,18 @@ def _in_sleeve(arm: int, opening: Opening, wearing: Wearing, points: Points) -> 
     curve = raised_limb(skeleton, arm)
     if curve is None or _is_armhole(points[opening.loop], arm, skeleton):
         return None
-    if curve_crossings(points, wearing.triangles, curve):
-        return None
-    curves = tuple(curve if limb == arm else each for limb, each in enumerate(skeleton.curves))
-    raised = replace(skeleton, curves=curves)
-    off = misplaced_openings([opening], [(arm,)], points, wearing.triangles, raised)
-    return None if off else Route(curve, 0.0, is_raised=True)
+    raised = Route(curve, 0.0, is_raised=True)
+    return raised if _passes(raised, arm, opening, wearing, points) else None
+
+
+def _passes(route: Route | None, limb: int, opening: Opening, wearing: Wearing, points: Points) -> bool:
+    """Whether a limb passes through its opening by a route, and not through cloth."""
+    skeleton = wearing.skeleton
+    if route is None or curve_crossings(points, wearing.triangles, route.curve):
+        return False
+    curves = tuple(route.curve if each == limb else curve for each, curve in enumerate(skeleton.curves))
+    moved = replace(skeleton, curves=curves)
+    return not misplaced_openings([opening], [(limb,)], points, wearing.triangles, moved)
 
 
 def _through(way: Points, limb: int, loop: Points, skeleton: Skeleton, space: FreeSpace) -> Route:
