@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dxf_patterns import hooded, write
+from dxf_patterns import hooded, sleeve, tshirt, write
 from dxf_shirts import shirt, write_shirt
 
 from warp_cloth.anatomy.openings import ARMS
@@ -69,3 +69,17 @@ def test_arms_go_out_through_the_sleeves_of_a_shirt_that_is_open(tmp_path: Path,
     )
     posed = replace(wearing, skeleton=replace(wearing.skeleton, curves=curves))
     assert not posed.misplaced(garment.points)
+
+
+def test_a_sleeve_of_little_but_its_cap_starts_as_far_out_as_a_longer_one(tmp_path: Path) -> None:
+    """It would be drawn into the bodice with its cap before that is sewn in."""
+    ends = []
+    for long in (18.0, 28.0):
+        pieces = [
+            sleeve(piece.name, 18.0, long, 16.0, 23.0, 23.0) if "SLEEVE" in piece.name else piece for piece in tshirt()
+        ]
+        mesh = load_pattern(write(tmp_path / "tee.dxf", {"M": pieces}), edge=EDGE)
+        assert mesh.panels is not None
+        own = [number for number, name in enumerate(mesh.panel_names) if name.startswith("SLEEVE")]
+        ends.append(mesh.points[mesh.triangles[np.isin(mesh.panels, own)]][..., 0].max())
+    assert ends[0] == pytest.approx(ends[1], abs=0.01)

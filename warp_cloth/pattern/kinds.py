@@ -196,7 +196,11 @@ def _by_code_sets(texts: Sequence[Sequence[str]], found: Sequence[Named]) -> lis
     firsts = [next(iter(re.findall(r"[A-Za-z]+", name)), "").upper() for name, _, _ in texts]
     out = list(found)
     for least, codes in CODE_SETS:
-        if len({*firsts} & {*codes}) < least:
+        whole = any(
+            what.kind in ("front", "back") for what, first in zip(found, firsts, strict=True) if first not in codes
+        )
+        has_sides = any(side for _, side, _ in codes.values())
+        if len({*firsts} & {*codes}) < least or (has_sides and whole):  # "lf" beside "front" is half of a sleeve
             continue
         for index, first in enumerate(firsts):
             if first in codes and named(texts[index][0]).kind in ("", "front", "back"):
