@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dxf_patterns import hooded, sleeve, tshirt, write
+from dxf_sewn_in import banded_skirt
 from dxf_shirts import shirt, write_shirt
 
 from warp_cloth.anatomy.openings import ARMS
@@ -17,6 +18,16 @@ from warp_cloth.pattern import load_pattern
 from warp_cloth.scene import load_scene
 
 EDGE = 0.03  # [m]
+
+
+def test_waistbands_in_two_start_before_and_behind_what_they_are_sewn_to(tmp_path: Path) -> None:
+    mesh = load_pattern(write(tmp_path / "skirt.dxf", {"M": banded_skirt()}), edge=EDGE)
+    assert mesh.panels is not None
+    ends = mesh.points[mesh.triangles]
+    middle = {name: ends[mesh.panels == number].mean(axis=(0, 1)) for number, name in enumerate(mesh.panel_names)}
+    assert middle["WAISTBAND FRONT"][2] > 0.03 > -0.03 > middle["WAISTBAND BACK"][2]
+    assert abs(middle["WAISTBAND FRONT"][0]) < 0.01
+    assert np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2).max() < 4.0 * EDGE
 
 
 @pytest.mark.parametrize("first", [0, 2])
