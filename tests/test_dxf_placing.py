@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dxf_patterns import hooded, sleeve, tshirt, write
-from dxf_sewn_in import banded_skirt
+from dxf_patterns import Drafted, hooded, sleeve, tshirt, write
+from dxf_sewn_in import banded_skirt, kimono
 from dxf_shirts import shirt, write_shirt
 
 from warp_cloth.anatomy.openings import ARMS
@@ -66,9 +66,10 @@ def test_sleeves_of_a_body_with_its_arms_down_start_raised_and_its_arms_with_the
     assert not posed.pierced(garment.points)
 
 
-def test_arms_go_out_through_the_sleeves_of_a_shirt_that_is_open(tmp_path: Path, shared_data: Path) -> None:
-    """A way round the open front and in at the cuff is clear of cloth, too."""
-    path = write_shirt(shirt(), tmp_path / "shirt.dxf")
+@pytest.mark.parametrize("pieces", [shirt(), kimono(False)], ids=["open in front", "sleeves cut in one"])
+def test_arms_go_out_through_the_sleeves(pieces: list[Drafted], tmp_path: Path, shared_data: Path) -> None:
+    """A way out by an open front or the neck, round, and in at the cuff is clear of cloth, too."""
+    path = write_shirt(pieces, tmp_path / "shirt.dxf") if len(pieces) > 2 else write(tmp_path / "a.dxf", {"M": pieces})
     body = shared_data / "garmentcode/mean_all.obj"
     scene = load_scene({"garment": {"pattern": str(path), "edge_mm": 1e3 * EDGE}, "avatar": {"mesh": str(body)}})
     outfit = load_outfit(scene)

@@ -62,10 +62,11 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
                 routes[limb] = _in_sleeve(limb, opening, wearing, points)
             if way is not None and routes[limb] is None:
                 routes[limb] = _through(way, limb, points[opening.loop], skeleton, space)
-                # of what is open in front, a way round a narrow sleeve may come in at its end
+                # out by the neck or an open front, a way round a narrow sleeve may come in at its end
                 if not _passes(routes[limb], limb, opening, wearing, points):
-                    home = Route(skeleton.curves[limb], 0.0)
-                    routes[limb] = home if _passes(home, limb, opening, wearing, points) else routes[limb]
+                    others = (Route(skeleton.curves[limb], 0.0), _straight(limb, opening, points, skeleton, space))
+                    passing = (each for each in others if _passes(each, limb, opening, wearing, points))
+                    routes[limb] = next(passing, routes[limb])
     for arm in ARMS:
         if routes[arm] is None:
             routes[arm] = _raised(arm, skeleton, space)
@@ -115,6 +116,13 @@ def _through(way: Points, limb: int, loop: Points, skeleton: Skeleton, space: Fr
     elif direction @ -skeleton.up < STRAIGHT:
         direction = -skeleton.up
     return Route(smoothed(_onward(way, direction, remains), SMOOTHING), turned, armhole)
+
+
+def _straight(limb: int, opening: Opening, points: Points, skeleton: Skeleton, space: FreeSpace) -> Route:
+    """From where the limb leaves the trunk straight to the middle of its opening, and on."""
+    begin, end = skeleton.curves[limb][skeleton.joints[limb]], points[opening.loop].mean(axis=0)
+    count = max(int(float(np.linalg.norm(end - begin)) / SPACING), 2)
+    return _through(np.linspace(begin, end, count + 1), limb, points[opening.loop], skeleton, space)
 
 
 def _is_armhole(loop: Points, arm: int, skeleton: Skeleton) -> bool:
