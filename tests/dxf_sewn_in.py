@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
-from dxf_patterns import Drafted, band, bezier, hooded, length, line
+from dxf_patterns import Drafted, band, bezier, hooded, length, line, sleeve
 
 
 def kimono(with_gusset: bool) -> list[Drafted]:
@@ -58,12 +58,34 @@ def banded_skirt(behind: float = 1.0) -> list[Drafted]:
     return [*pieces, band("WAISTBAND FRONT", 34.0, 4.0), band("WAISTBAND BACK", 34.0 * behind, 4.0)]
 
 
+def romper() -> list[Drafted]:
+    """A child's romper: each front and back in one with a leg."""
+    pieces, armholes = [], []
+    for name, depth, fork in (("ROMPER FRONT", 6.0, 4.0), ("ROMPER BACK", 2.0, 6.0)):
+        under, tip, high, low = (21.0, 70.0), (15.5, 83.0), (6.5, 86.0), (0.0, 86.0 - depth)
+        armhole = bezier(under, (15.5, 69.6), (14.5, 76.0), tip)
+        armholes.append(length(armhole))
+        crotch = bezier((0.0, 46.0), (0.0, 41.0), (-0.4 * fork, 38.5), (-fork, 38.0))
+        edges = [
+            line((2.0, 20.0), (18.0, 20.0)),
+            bezier((18.0, 20.0), (21.0, 40.0), (21.0, 55.0), under),
+            armhole,
+            line(tip, high),
+            bezier(high, (6.0, 86.0 - 0.6 * depth), (3.5, low[1]), low),
+            [low, *crotch],
+            line((-fork, 38.0), (2.0, 20.0)),
+        ]
+        pieces.append(Drafted(name, edges, "2"))
+    return [*pieces, sleeve("SLEEVE", 13.0, 30.0, 9.0, *armholes)]
+
+
 SEWN_IN: dict[str, Callable[[], list[Drafted]]] = {
     "kimono": lambda: kimono(False),
     "gusset": lambda: kimono(True),
     "hood of three": hood_of_three,
     "tapered strip": lambda: hood_of_three(True),
     "waistband in two": banded_skirt,
+    "romper": romper,
 }
 TOP = {"shoulder": 2, "side": 2}
 HOODED = {
@@ -77,4 +99,5 @@ TRUE_SEWN_IN = {
     "hood of three": HOODED,
     "tapered strip": HOODED,
     "waistband in two": {"side": 2, "waistband": 2, "waistband ends": 2},
+    "romper": {**TOP, **{"sleeve cap": 2, "underarm": 2, "inseam": 2, "centre front": 1, "centre back": 1}},
 }

@@ -17,6 +17,7 @@ from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, SIDE_PAN
 from warp_cloth.pattern.middles import with_middles
 from warp_cloth.pattern.panel_roles import (
     half_skirt_roles,
+    legged_roles,
     middle_side,
     parted_at_underarm,
     side_panel_roles,
@@ -303,6 +304,8 @@ def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yoke
         return yoke_roles(shape, whole)
     if kind == "back" and has_yoke and (below := yoked_back_roles(shape, whole)):
         return below
+    if kind in ("front", "back") and not whole and not has_side_panels and (legged := legged_roles(shape)):
+        return legged
     if kind in ("front", "back"):
         return bodice_roles(shape, whole, middle_side if has_side_panels else arm_side)
     if kind in ("side_front", "side_back"):

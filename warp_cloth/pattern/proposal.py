@@ -37,7 +37,8 @@ SEWN_FROM = 0.75  # confidence from which a proposed seam is sewn without a word
 SHOWN_FROM = 0.3  # and from which it is written into the table at all
 LEFTOVER = 0.6  # most that lengths alone make sure
 FRONT_CENTRE = 0.5  # a front's two halves are as often closed by a zip, or left open
-SKIRT_FRONT_CENTRE = 0.9
+LEG_EASE = (-0.03, 0.03)
+SKIRT_FRONT_CENTRE = LEGGED_CENTRE = 0.9
 PRINCESS_EASE = (-0.04, 0.02)  # a side panel is eased over the bust
 WAIST_EASE = (-0.05, 0.03)  # of trousers to a bodice, which blouses over them
 RIVAL = 0.05  # of confidence, by which the surest seam of an edge is to be surer than the next
@@ -117,8 +118,14 @@ def _bodices(parts: Sequence[Part]) -> Iterable[Joint]:
                     else:
                         yield from joint_of(parts, one, other, role, ease)
     yield from _between_panels(parts, (*fronts, *backs))
-    yield from _centres(parts, [face[0] for face in fronts], FRONT_CENTRE, "centre front")
+    legged = [face[0] for face in fronts if "inseam" in parts[face[0]].roles]  # in one with a leg: closed to its fork
+    yield from _centres(parts, legged, LEGGED_CENTRE, "centre front")
+    yield from _centres(parts, [face[0] for face in fronts if face[0] not in legged], FRONT_CENTRE, "centre front")
     yield from _centres(parts, [face[0] for face in backs], 1.0, "centre back")
+    for ahead in legged:
+        for behind in (face[0] for face in backs if parts[face[0]].side == parts[ahead].side):
+            runs = parts[ahead].roles["inseam"], parts[behind].roles.get("inseam", ())
+            yield from joint_of(parts, run_of(ahead, runs[0]), run_of(behind, runs[1], True), "inseam", LEG_EASE)
 
 
 def _between_panels(parts: Sequence[Part], faces: Iterable[tuple[int, ...]]) -> Iterable[Joint]:
@@ -150,7 +157,7 @@ def _legs(parts: Sequence[Part]) -> Iterable[Joint]:
             if BOTH not in (parts[front].side, parts[back].side) and parts[front].side == parts[back].side:
                 for role in ("outseam", "inseam"):
                     one, other = parts[front].roles.get(role, ()), parts[back].roles.get(role, ())
-                    yield from joint_of(parts, run_of(front, one), run_of(back, other, True), role, (-0.03, 0.03))
+                    yield from joint_of(parts, run_of(front, one), run_of(back, other, True), role, LEG_EASE)
     yield from _centres(parts, fronts, 1.0, "front crotch", "crotch")
     yield from _centres(parts, backs, 1.0, "back crotch", "crotch")
     for leg in parts_of_kind(parts, "leg"):
