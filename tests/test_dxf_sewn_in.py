@@ -5,15 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
-from dxf_patterns import write
-from dxf_sewn_in import SEWN_IN, TRUE_SEWN_IN, banded_skirt, hood_of_three, kimono
+from dxf_patterns import bezier, line, write
+from dxf_sewn_in import SEWN_IN, TRUE_SEWN_IN, banded_skirt, hood_of_three, kimono, romper
 from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
+from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.dxf_drawn import Drawn
 from warp_cloth.pattern.kinds import LEFT, RIGHT, SIDE_PANEL, named, named_all
 from warp_cloth.pattern.labels import copies_of, name_of
+from warp_cloth.pattern.panel_roles import legged_roles
+from warp_cloth.pattern.roles import Shape
 
 OPENINGS = {"kimono": 4, "gusset": 4, "hood of three": 4, "tapered strip": 4, "waistband in two": 2, "romper": 5}
 
@@ -89,3 +93,15 @@ def test_a_label_of_one_line(label: str, name: str, copies: tuple[int, int]) -> 
     drawn = Drawn("")
     drawn.state(label)
     assert (name_of(drawn), copies_of(drawn, drawn.texts)) == (name, copies)
+
+
+def test_an_underarm_beside_a_straight_centre_is_no_fork() -> None:
+    """Of a short bodice with deep armholes its corner is as low."""
+    low = (0.0, 0.23)
+    path = [low, (0.0, 0.0), (0.23, 0.0), (0.24, 0.13), (0.17, 0.35), (0.11, 0.38)]
+    armhole = bezier(path[3], (0.18, 0.14), (0.15, 0.28), path[4])
+    neck = bezier(path[5], (0.1, 0.27), (0.05, 0.23), low)
+    edges = [line(*path[0:2]), line(*path[1:3]), line(*path[2:4]), armhole, line(*path[4:6]), neck]
+    assert legged_roles(Shape(tuple(Chain(np.array(edge)) for edge in edges), np.array([0.0, 1.0]))) == {}
+    front = [[(x / 100, y / 100) for x, y in edge] for edge in romper()[0].edges]
+    assert "inseam" in legged_roles(Shape(tuple(Chain(np.array(edge)) for edge in front), np.array([0.0, 1.0])))

@@ -54,6 +54,39 @@ def test_a_top_is_laid_round_the_trunk(is_crossed: bool, mirrored: bool, tmp_pat
     assert normals[mesh.panels == 0, 2].sum() * normals[mesh.panels == 1, 2].sum() < 0.0
 
 
+def test_gores_go_round_the_waist_in_their_order(tmp_path: Path) -> None:
+    """Drawn from outside or as seen through the front is the same for them."""
+    gore = panel([[-18, 0], [18, 0], [9.5, 60], [-9.5, 60]])
+    panels = {f"gore_{k}": gore for k in range(4)}
+    stitches = [(f"gore_{k}", 1, f"gore_{(k + 1) % 4}", 3) for k in range(4)]
+    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
+    assert any("laid round the body" in note for note in mesh.notes)
+    assert topology(mesh) == (2, 0)
+    assert np.linalg.norm(np.ptp(mesh.points, axis=0)[[0, 2]]) > 0.4
+
+
+def trouser(hip: float, fork: float) -> dict[str, Any]:
+    """A left leg's front, or its back as seen through it. Edges: hem, side, waist, crotch, inseam."""
+    edges: list[dict[str, Any]] = [{"endpoints": [k, (k + 1) % 5]} for k in range(5)]
+    edges[3]["curvature"] = {"type": "cubic", "params": [[0.5, 0.0], [0.75, -0.3]]}
+    return panel([[0, 0], [20, 0], [hip, 100], [1, 102], [-fork, 74]], edges=edges)
+
+
+def test_codes_of_halves_tell_legs(tmp_path: Path) -> None:
+    """ "lf", "rf", "lb" and "rb", without a word of trousers."""
+    panels = {"lf": trouser(23.0, 5.0), "lb": trouser(25.0, 9.0)}
+    for name in ("lf", "lb"):
+        left = panels[name]
+        edges = [{**each, "curvature": {"type": "cubic", "params": [[0.5, 0.0], [0.75, 0.3]]}} if "curvature" in each
+                 else each for each in left["edges"]]  # fmt: skip
+        panels[name.replace("l", "r")] = panel([[-x, y] for x, y in left["vertices"]], edges=edges)
+    stitches = [(f"{side}f", k, f"{side}b", k) for side in "lr" for k in (1, 4)]
+    stitches += [(f"l{face}", 3, f"r{face}", 3) for face in "fb"]
+    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
+    assert any("laid round the body" in note for note in mesh.notes)
+    assert topology(mesh) == (3, -1)
+
+
 def half_sleeve(is_left: bool) -> dict[str, Any]:
     """Half a sleeve drawn along the arm, seen from the front. Edges of a left one: top, wrist, underarm, cap."""
     corners = [[0, 0], [20, 0], [20, -16], [-2, -21]]

@@ -48,13 +48,13 @@ class _Laid:
 def laid_round(pattern: Pattern, figure: Figure | None) -> Pattern:
     """A pattern that places no panel, laid round a figure (None: a usual one); as it is where names do not tell how."""
     figure = figure or figure_of(None)
-    ways: list[tuple[float, int, _Laid]] = []
+    ways: list[tuple[float, _Laid]] = []
     for led, weight in ((False, 1.0), (True, SEAMS_TELL)):
         found = [laid for behind in (False, True) if (laid := _laid(pattern, figure, behind, led)) is not None]
-        ways += [(weight * laid.apart, len(ways), laid) for laid in found]
+        ways += [(weight * laid.apart, laid) for laid in found]
     if not ways:
         return pattern
-    best = min(ways)[2]
+    _, best = min(ways, key=lambda way: way[0])  # the first of equal ones
     nobody = "; no person is there: a figure of 1.70 m" if figure.is_nominal else ""
     note = f"no panel is placed: laid round the body by their names and shapes{nobody}"
     kept = [told for told in pattern.notes if not told.endswith("starts at the origin")]
@@ -70,7 +70,10 @@ def _laid(pattern: Pattern, figure: Figure, behind: bool, led: bool) -> _Laid | 
     names = [panel.name for panel in pattern.panels]
     kinds = [Named() if what.kind == "none" else what for what in named_all([(name, "", "") for name in names])]
     is_back = [bool(re.search(_BACK, plain(re.sub(r"[\W\d_]+", " ", name)))) for name in names]
-    is_back = [own or _is_behind(pattern, index, kinds) for index, own in enumerate(is_back)]
+    is_back = [
+        own or kinds[index].kind.endswith("back") or _is_behind(pattern, index, kinds)
+        for index, own in enumerate(is_back)
+    ]
     flips = [behind and own for own in is_back]
     panels = [_outside(panel, flip) for panel, flip in zip(pattern.panels, flips, strict=True)]
     turned = [one is not other for one, other in zip(panels, pattern.panels, strict=True)]
@@ -82,12 +85,14 @@ def _laid(pattern: Pattern, figure: Figure, behind: bool, led: bool) -> _Laid | 
     loose = [led and (what.kind in SLEEVES or (what.kind in whole and what.side != BOTH)) for what in kinds]
     follow = [count[what.kind, what.side] > 1 or own for what, own in zip(kinds, loose, strict=True)]
     pieces = [replace(piece, what=Named()) if own else piece for (piece, _), own in zip(drawn, follow, strict=True)]
+    gores = sum(what.kind == "skirt" for what in kinds)  # of neither front nor back, they go round in their order
+    pieces = [replace(piece, copies=(gores, 0)) if piece.what.kind == "skirt" else piece for piece in pieces]
     parts = parts_as_drawn(pieces)
     if led:
         parts = tuple(
             replace(part, kind="", roles={}) if own else part for part, own in zip(parts, follow, strict=True)
         )
-    shared = Counter((part.kind, part.side) for part in parts if part.roles and part.kind not in STRIPS)
+    shared = Counter((part.kind, part.side) for part in parts if part.roles and part.kind not in (*STRIPS, "gore"))
     if max(shared.values(), default=0) > 1:  # two of them would lie in one place
         return None
     if any(len(part.edges) != len(piece.edges) for part, (piece, _) in zip(parts, drawn, strict=True)):

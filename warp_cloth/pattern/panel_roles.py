@@ -56,10 +56,12 @@ def legged_roles(shape: Shape) -> Roles:
         runs = _smooth_runs(shape, above)
         neck, *rest = runs[::-1] if mark == "+" else runs
         centre = tuple(k for k in above if k not in neck)
-        if not rest or not any(shape.is_concave(k) for k in centre):
+        arm = arm_side(shape, outer if other == "+" else outer[::-1], other)
+        hollow = all(any(shape.is_concave(k) for k in run) for run in (neck, centre))
+        if not rest or not hollow or len(arm) < 3:  # an underarm's corner beside a straight centre is no fork
             continue
         roles = {"hem": shape.run(hem_first, hem_end), "inseam": below, "centre": centre, "neck": neck}
-        return roles | arm_side(shape, outer if other == "+" else outer[::-1], other)
+        return roles | arm
     return {}
 
 
