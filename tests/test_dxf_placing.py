@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dxf_patterns import hooded, write
+from dxf_patterns import Drafted, hooded, sleeve, tshirt, write
+from dxf_sewn_in import banded_skirt, kimono
+from dxf_shirts import shirt, write_shirt
 
 from warp_cloth.anatomy.openings import ARMS
 from warp_cloth.dressing.routes import limb_routes
@@ -16,6 +18,16 @@ from warp_cloth.pattern import load_pattern
 from warp_cloth.scene import load_scene
 
 EDGE = 0.03  # [m]
+
+
+def test_waistbands_in_two_start_before_and_behind_what_they_are_sewn_to(tmp_path: Path) -> None:
+    mesh = load_pattern(write(tmp_path / "skirt.dxf", {"M": banded_skirt()}), edge=EDGE)
+    assert mesh.panels is not None
+    ends = mesh.points[mesh.triangles]
+    middle = {name: ends[mesh.panels == number].mean(axis=(0, 1)) for number, name in enumerate(mesh.panel_names)}
+    assert middle["WAISTBAND FRONT"][2] > 0.03 > -0.03 > middle["WAISTBAND BACK"][2]
+    assert abs(middle["WAISTBAND FRONT"][0]) < 0.01
+    assert np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2).max() < 4.0 * EDGE
 
 
 @pytest.mark.parametrize("first", [0, 2])
@@ -52,3 +64,34 @@ def test_sleeves_of_a_body_with_its_arms_down_start_raised_and_its_arms_with_the
     posed = replace(wearing, skeleton=replace(wearing.skeleton, curves=curves))
     assert not posed.misplaced(garment.points)
     assert not posed.pierced(garment.points)
+
+
+@pytest.mark.parametrize("pieces", [shirt(), kimono(False)], ids=["open in front", "sleeves cut in one"])
+def test_arms_go_out_through_the_sleeves(pieces: list[Drafted], tmp_path: Path, shared_data: Path) -> None:
+    """A way out by an open front or the neck, round, and in at the cuff is clear of cloth, too."""
+    path = write_shirt(pieces, tmp_path / "shirt.dxf") if len(pieces) > 2 else write(tmp_path / "a.dxf", {"M": pieces})
+    body = shared_data / "garmentcode/mean_all.obj"
+    scene = load_scene({"garment": {"pattern": str(path), "edge_mm": 1e3 * EDGE}, "avatar": {"mesh": str(body)}})
+    outfit = load_outfit(scene)
+    (wearing,), (garment,) = outfit.wearing, outfit.garments
+    assert wearing is not None
+    routes = limb_routes(wearing, garment.points)
+    curves = tuple(
+        home if route is None else route.curve for home, route in zip(wearing.skeleton.curves, routes, strict=True)
+    )
+    posed = replace(wearing, skeleton=replace(wearing.skeleton, curves=curves))
+    assert not posed.misplaced(garment.points)
+
+
+def test_a_sleeve_of_little_but_its_cap_starts_as_far_out_as_a_longer_one(tmp_path: Path) -> None:
+    """It would be drawn into the bodice with its cap before that is sewn in."""
+    ends = []
+    for long in (18.0, 28.0):
+        pieces = [
+            sleeve(piece.name, 18.0, long, 16.0, 23.0, 23.0) if "SLEEVE" in piece.name else piece for piece in tshirt()
+        ]
+        mesh = load_pattern(write(tmp_path / "tee.dxf", {"M": pieces}), edge=EDGE)
+        assert mesh.panels is not None
+        own = [number for number, name in enumerate(mesh.panel_names) if name.startswith("SLEEVE")]
+        ends.append(mesh.points[mesh.triangles[np.isin(mesh.panels, own)]][..., 0].max())
+    assert ends[0] == pytest.approx(ends[1], abs=0.01)

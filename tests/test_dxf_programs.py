@@ -14,6 +14,7 @@ from test_dxf import EDGE, EXACT, kinds
 from test_fuzz_patterns import holds_its_promise
 from test_pattern import area_of, topology
 
+from warp_cloth.base.errors import InputError
 from warp_cloth.pattern import DraftOptions, load_pattern, read_drafted
 from warp_cloth.pattern.draft import Stated
 from warp_cloth.pattern.kinds import named_all
@@ -79,12 +80,21 @@ def test_metric_is_what_makes_a_garment(unit: float, tmp_path: Path) -> None:
 
 
 def test_a_file_without_a_unit_takes_the_likeliest(tmp_path: Path) -> None:
-    for unit in (CM, MM, INCH):
+    for unit in (CM, MM, INCH, 10.0 * MM):
         path = clo(tmp_path / "tee.dxf", sized("tshirt", "M"), unit)
         path.write_text(path.read_text().replace("UNITS: METRIC", "NO UNITS"))
         draft = read_drafted(path)
         assert np.ptp(np.stack(draft.parts[0].shape.box)[:, 1]) == pytest.approx(0.7, rel=EXACT)
         assert any("no unit is stated" in note for note in draft.notes)
+
+
+def test_a_house_in_millimetres_is_no_garment_in_tenths_of_them(tmp_path: Path) -> None:
+    path = clo(tmp_path / "house.dxf", sized("tshirt", "M"), 10.0 * MM)
+    path.write_text(path.read_text().replace("UNITS: METRIC", "UNITS: MM"))
+    with pytest.raises(InputError, match="no garment's size in any unit"):
+        read_drafted(path)
+    path.write_text(path.read_text().replace("UNITS: MM", "UNITS: 0.1 MM"))
+    assert np.ptp(np.stack(read_drafted(path).parts[0].shape.box)[:, 1]) == pytest.approx(0.7, rel=EXACT)
 
 
 def test_a_lining_by_its_material_is_left_out(tmp_path: Path) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import math
 import re
+import warnings
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -200,3 +202,14 @@ def test_a_circle_about_no_place_is_refused_at_once(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("  0\nENDBLK\n", circle + "  0\nENDBLK\n", 1))
     with pytest.raises(InputError, match="not a usable number"):
         read_drafted(path)
+
+
+def test_an_outline_of_no_numbers_on_a_sheet_is_refused_in_one_line(tmp_path: Path) -> None:
+    document = ezdxf.new("R2010")
+    for wrong in (math.nan, math.inf):
+        document.modelspace().add_lwpolyline([(0, 0), (500, 0), (500, wrong), (0, 500)], close=True)
+    document.saveas(tmp_path / "a.dxf")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match=r"a\.dxf: a coordinate is not a usable number"):
+            read_drafted(tmp_path / "a.dxf")

@@ -54,6 +54,76 @@ def test_a_top_is_laid_round_the_trunk(is_crossed: bool, mirrored: bool, tmp_pat
     assert normals[mesh.panels == 0, 2].sum() * normals[mesh.panels == 1, 2].sum() < 0.0
 
 
+def test_gores_go_round_the_waist_in_their_order(tmp_path: Path) -> None:
+    """Drawn from outside or as seen through the front is the same for them."""
+    gore = panel([[-18, 0], [18, 0], [9.5, 60], [-9.5, 60]])
+    panels = {f"gore_{k}": gore for k in range(4)}
+    stitches = [(f"gore_{k}", 1, f"gore_{(k + 1) % 4}", 3) for k in range(4)]
+    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
+    assert any("laid round the body" in note for note in mesh.notes)
+    assert topology(mesh) == (2, 0)
+    assert np.linalg.norm(np.ptp(mesh.points, axis=0)[[0, 2]]) > 0.4
+
+
+def trouser(hip: float, fork: float) -> dict[str, Any]:
+    """A left leg's front, or its back as seen through it. Edges: hem, side, waist, crotch, inseam."""
+    edges: list[dict[str, Any]] = [{"endpoints": [k, (k + 1) % 5]} for k in range(5)]
+    edges[3]["curvature"] = {"type": "cubic", "params": [[0.5, 0.0], [0.75, -0.3]]}
+    return panel([[0, 0], [20, 0], [hip, 100], [1, 102], [-fork, 74]], edges=edges)
+
+
+def test_codes_of_halves_tell_legs(tmp_path: Path) -> None:
+    """ "lf", "rf", "lb" and "rb", without a word of trousers."""
+    panels = {"lf": trouser(23.0, 5.0), "lb": trouser(25.0, 9.0)}
+    for name in ("lf", "lb"):
+        left = panels[name]
+        edges = [{**each, "curvature": {"type": "cubic", "params": [[0.5, 0.0], [0.75, 0.3]]}} if "curvature" in each
+                 else each for each in left["edges"]]  # fmt: skip
+        panels[name.replace("l", "r")] = panel([[-x, y] for x, y in left["vertices"]], edges=edges)
+    stitches = [(f"{side}f", k, f"{side}b", k) for side in "lr" for k in (1, 4)]
+    stitches += [(f"l{face}", 3, f"r{face}", 3) for face in "fb"]
+    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
+    assert any("laid round the body" in note for note in mesh.notes)
+    assert topology(mesh) == (3, -1)
+
+
+def half_sleeve(is_left: bool) -> dict[str, Any]:
+    """Half a sleeve drawn along the arm, seen from the front. Edges of a left one: top, wrist, underarm, cap."""
+    corners = [[0, 0], [20, 0], [20, -16], [-2, -21]]
+    curvature = {"type": "cubic", "params": [[0.3, 0.15], [0.7, -0.12]]}
+    edges: list[dict[str, Any]] = [{"endpoints": [k, (k + 1) % 4]} for k in range(4)]
+    edges[3]["curvature"] = curvature
+    if is_left:
+        return panel(corners, edges=edges)
+    curvature["params"] = [[x, -y] for x, y in curvature["params"]]
+    return panel([[-x, y] for x, y in corners], edges=edges)
+
+
+@pytest.mark.parametrize("named", ["{}sl_{}", "{}{}_cloth", "{}_{}"])
+def test_sleeves_of_halves_are_laid_round_the_arms(named: str, tmp_path: Path) -> None:
+    """Whether a letter of their name says that they are of a sleeve, or nothing does."""
+    panels = {"Vorderteil": top(0.5), "dos": top(0.15)}
+    stitches = [("Vorderteil", a, "dos", a) for a in (*SIDES, *SHOULDERS)]
+    for side, armhole in (("l", 2), ("r", 6)):
+        front, back = (named.format(side, face) for face in "fb")
+        panels |= {front: half_sleeve(side == "l"), back: half_sleeve(side == "l")}
+        stitches += [
+            (front, 0, back, 0),
+            (front, 2, back, 2),
+            (front, 3, "Vorderteil", armhole),
+            (back, 3, "dos", armhole),
+        ]
+    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
+    assert any("laid round the body" in note for note in mesh.notes)
+    assert topology(mesh) == (4, -2)
+    middles = {
+        name: mesh.points[np.unique(mesh.triangles[mesh.panels == k])].mean(axis=0) for k, name in enumerate(panels)
+    }
+    assert middles[named.format("l", "f")][0] > 0.2 > -0.2 > middles[named.format("r", "b")][0]
+    for side in "lr":
+        assert middles[named.format(side, "f")][2] > middles[named.format(side, "b")][2] + 0.02
+
+
 def test_what_names_do_not_tell_starts_as_it_is_drawn(tmp_path: Path) -> None:
     panels = {"a": panel([[0, 0], [30, 0], [30, 30], [0, 30]]), "b": panel([[0, 0], [30, 0], [30, 30], [0, 30]])}
     mesh = load_pattern(written(tmp_path / "a_specification.json", panels, [("a", 1, "b", 3)]), edge=EDGE)

@@ -62,6 +62,11 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
                 routes[limb] = _in_sleeve(limb, opening, wearing, points)
             if way is not None and routes[limb] is None:
                 routes[limb] = _through(way, limb, points[opening.loop], skeleton, space)
+                # out by the neck or an open front, a way round a narrow sleeve may come in at its end
+                if not _passes(routes[limb], limb, opening, wearing, points):
+                    others = (Route(skeleton.curves[limb], 0.0), _straight(limb, opening, points, skeleton, space))
+                    passing = (each for each in others if _passes(each, limb, opening, wearing, points))
+                    routes[limb] = next(passing, routes[limb])
     for arm in ARMS:
         if routes[arm] is None:
             routes[arm] = _raised(arm, skeleton, space)
@@ -81,12 +86,18 @@ def _in_sleeve(arm: int, opening: Opening, wearing: Wearing, points: Points) -> 
     curve = raised_limb(skeleton, arm)
     if curve is None or _is_armhole(points[opening.loop], arm, skeleton):
         return None
-    if curve_crossings(points, wearing.triangles, curve):
-        return None
-    curves = tuple(curve if limb == arm else each for limb, each in enumerate(skeleton.curves))
-    raised = replace(skeleton, curves=curves)
-    off = misplaced_openings([opening], [(arm,)], points, wearing.triangles, raised)
-    return None if off else Route(curve, 0.0, is_raised=True)
+    raised = Route(curve, 0.0, is_raised=True)
+    return raised if _passes(raised, arm, opening, wearing, points) else None
+
+
+def _passes(route: Route | None, limb: int, opening: Opening, wearing: Wearing, points: Points) -> bool:
+    """Whether a limb passes through its opening by a route, and not through cloth."""
+    skeleton = wearing.skeleton
+    if route is None or curve_crossings(points, wearing.triangles, route.curve):
+        return False
+    curves = tuple(route.curve if each == limb else curve for each, curve in enumerate(skeleton.curves))
+    moved = replace(skeleton, curves=curves)
+    return not misplaced_openings([opening], [(limb,)], points, wearing.triangles, moved)
 
 
 def _through(way: Points, limb: int, loop: Points, skeleton: Skeleton, space: FreeSpace) -> Route:
@@ -105,6 +116,13 @@ def _through(way: Points, limb: int, loop: Points, skeleton: Skeleton, space: Fr
     elif direction @ -skeleton.up < STRAIGHT:
         direction = -skeleton.up
     return Route(smoothed(_onward(way, direction, remains), SMOOTHING), turned, armhole)
+
+
+def _straight(limb: int, opening: Opening, points: Points, skeleton: Skeleton, space: FreeSpace) -> Route:
+    """From where the limb leaves the trunk straight to the middle of its opening, and on."""
+    begin, end = skeleton.curves[limb][skeleton.joints[limb]], points[opening.loop].mean(axis=0)
+    count = max(int(float(np.linalg.norm(end - begin)) / SPACING), 2)
+    return _through(np.linspace(begin, end, count + 1), limb, points[opening.loop], skeleton, space)
 
 
 def _is_armhole(loop: Points, arm: int, skeleton: Skeleton) -> bool:

@@ -206,6 +206,7 @@ def relax_problem(problem: Problem, on_burst: Callable[[int, Relaxation], None] 
         schedule=problem.schedule,
         crosses=problem.crossing_items,
         astray=problem.is_astray,
+        falls=problem.falling_items,
         on_burst=on_burst,
     )
 

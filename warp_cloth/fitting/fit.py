@@ -295,5 +295,6 @@ def _relax(problem: Problem, frames: int, progress: Callable[[Progress], None] |
         schedule=problem.schedule,
         crosses=problem.crossing_items,
         astray=problem.is_astray,
+        falls=problem.falling_items,
         on_check=report_check if progress is not None else None,
     )

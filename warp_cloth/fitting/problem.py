@@ -24,6 +24,7 @@ from warp_cloth.fitting.compile_ahead import compile_ahead
 from warp_cloth.fitting.nested_iteration import start_from_coarse
 from warp_cloth.fitting.placement import LimbPlacement
 from warp_cloth.fitting.poses import PoseRun, follow_poses
+from warp_cloth.garment.falling import falling
 from warp_cloth.garment.garment import terms_of
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.loading.raw import counted
@@ -131,6 +132,18 @@ class Problem:
         self.relaxation.update_model()
         found = model_crossings(self.model, self.outfits)
         return [item for item in items if found[item].pairs]
+
+    def falling_items(self, items: Sequence[int]) -> list[int]:
+        """Of which of these items cloth falls now that nothing can catch."""
+        self.relaxation.update_model()
+        points = self.model.points()
+        found = []
+        for item in items:
+            outfit, own = self.outfits[item], points[self.model.of_item(item)]
+            body = None if outfit.avatar is None else outfit.avatar.points
+            if np.isfinite(own).all() and falling(outfit.garments, own, body).any():
+                found.append(item)
+        return found
 
     def is_astray(self) -> bool:
         """Whether a limb of the only scene's avatar is outside its opening now, or within the cloth."""

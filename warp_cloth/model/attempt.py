@@ -30,6 +30,7 @@ class CutShort(Enum):
     STALLED = "stalled"
     CROSSING = "crossing"
     SLOW = "slow"
+    FALLING = "falling"  # past all that could catch it
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,6 +60,8 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     attempt, stated = ended.attempt, ended.attempt.stated
     if ended.good or ended.status is Status.DIVERGED:
         return None
+    if ended.cut_short is CutShort.FALLING and (attempt.posed or not may_be_posed(stated, outfit)):
+        return None  # it would fall so again
     if stated.solver.iterations is not None and ended.status is not Status.AT_REST and ended.cut_short is None:
         return None  # as many iterations as the scene wants
     if stated.solver.start == "dressed":

@@ -17,6 +17,7 @@ from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, SIDE_PAN
 from warp_cloth.pattern.middles import with_middles
 from warp_cloth.pattern.panel_roles import (
     half_skirt_roles,
+    legged_roles,
     middle_side,
     parted_at_underarm,
     side_panel_roles,
@@ -202,7 +203,8 @@ def _copies(piece: Piece, said: Stated, part: Part, is_half: bool, place: str, n
     stated = said.copies if said.copies is not None else piece.copies
     if stated is None:
         one_sided = piece.what.side != BOTH or PLACES.get(said.place or "", ("", BOTH))[1] != BOTH
-        pair = (part.kind in PAIRED or is_half) and not one_sided
+        is_strip_of_hood = part.kind == "hood" and "long" in part.roles
+        pair = ((part.kind in PAIRED and not is_strip_of_hood) or is_half) and not one_sided
         if pair:
             notes.append(f"{place} states no quantity: a pair is taken")
         return True, pair
@@ -302,6 +304,8 @@ def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yoke
         return yoke_roles(shape, whole)
     if kind == "back" and has_yoke and (below := yoked_back_roles(shape, whole)):
         return below
+    if kind in ("front", "back") and not whole and not has_side_panels and (legged := legged_roles(shape)):
+        return legged
     if kind in ("front", "back"):
         return bodice_roles(shape, whole, middle_side if has_side_panels else arm_side)
     if kind in ("side_front", "side_back"):
@@ -312,8 +316,8 @@ def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yoke
         return pants_roles(shape)
     if kind in ("sleeve", "under_sleeve"):
         return sleeve_roles(shape)
-    if kind == "hood":
-        return hood_roles(shape)
+    if kind == "hood":  # or the strip between its halves
+        return strip_roles(shape) if whole and is_strip(shape) else hood_roles(shape)
     if kind.removeprefix("side_") in ("skirt_front", "skirt_back", "gore"):
         return skirt_roles(shape)
     if kind in STRIPS and is_strip(shape) and (found := strip_roles(shape)):

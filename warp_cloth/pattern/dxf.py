@@ -195,8 +195,9 @@ def _scale(insert: Any) -> float:
 def _check(file: str, piece: Drawn) -> None:
     """Refuses numbers that are none."""
     for lines in (*piece.lines.values(), *piece.points.values()):
+        where = f'{file}: block "{short(piece.block)}"' if piece.block else file
         for line in lines:
             if len(line) > MOST_POINTS:
-                _refuse(f'{file}: block "{short(piece.block)}"', f"a line has over {MOST_POINTS:,} points")
+                _refuse(where, f"a line has over {MOST_POINTS:,} points")
             if not np.isfinite(line).all() or float(np.abs(line).max(initial=0.0)) > 1e9:
-                _refuse(f'{file}: block "{short(piece.block)}"', "a coordinate is not a usable number")
+                _refuse(where, "a coordinate is not a usable number")

@@ -22,7 +22,7 @@ from warp_cloth.pattern.dxf_drawn import (
 )
 from warp_cloth.pattern.labels import SIZE_KEYS
 from warp_cloth.pattern.lattice import inside
-from warp_cloth.pattern.loops import area_of, chained, gap_of
+from warp_cloth.pattern.loops import area_of, chained, gaps_of
 
 WITHIN = 0.95  # of a loop's points, within another: a part of the same piece
 LINED = 0.6  # of the area, from which a loop within an outline is its sew line
@@ -79,7 +79,9 @@ def _pieces_of(entities: list[Any], as_one: bool) -> tuple[list[Drawn], list[str
     layers = whole.lines
     main = CUT if CUT in layers else SEW if SEW in layers else NAMELESS
     drawn = layers.get(main, [])
-    loops = [line if gap_of(drawn, line) else np.concatenate([line, line[:1]]) for line in chained(drawn)]
+    found = chained(drawn)
+    gaps = gaps_of(drawn, found)
+    loops = [line if gap else np.concatenate([line, line[:1]]) for line, gap in zip(found, gaps, strict=True)]
     pieces, outlines = _outlined(_unframed(loops), main)
     boxes = [(outline.min(axis=0), outline.max(axis=0)) for outline in outlines]
     sizes = [float(np.prod(high - low)) for low, high in boxes]
@@ -124,9 +126,12 @@ def _outlined(loops: Sequence[Floats], main: int) -> tuple[list[Drawn], list[Flo
     outlines: list[Floats] = []
     places: list[int] = []
     order = _by_area(loops)
+    boxes = np.array([(loop.min(axis=0), loop.max(axis=0)) for loop in loops]).reshape(-1, 2, 2)
     for place in order:
-        line = loops[place]
-        around = next((k for k in range(len(outlines)) if _holds(outlines[k], line)), None)
+        line, (low, high) = loops[place], boxes[place]
+        own = boxes[places]
+        meets = ((own[:, 0] <= high) & (low <= own[:, 1])).all(axis=1)
+        around = next((k for k in np.flatnonzero(meets).tolist() if _holds(outlines[k], line)), None)
         if around is None and abs(area_of(line)) < DOT * abs(area_of(loops[order[0]])):
             continue
         if around is None:

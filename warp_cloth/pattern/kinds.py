@@ -32,6 +32,14 @@ CODES = (
     ("yoke", ("Y", "YK")),
     ("none", ("PK", "PKT", "POC", "FAC", "FL", "LB", "LIN", "INT")),
 )
+# Codes that say what a piece is where at least so many of one set are there: centre and side, front and back; left and
+# right halves
+CODE_SETS: tuple[tuple[int, dict[str, tuple[str, int, str]]], ...] = (
+    (2, {"CF": ("front", 0, ""), "CB": ("back", 0, ""), "SF": ("front", 0, "side"), "SB": ("back", 0, "side")}),
+    (2, {"FC": ("front", 0, ""), "BC": ("back", 0, ""), "FS": ("front", 0, "side"), "BS": ("back", 0, "side")}),
+    (3, {"LF": ("front", 1, ""), "RF": ("front", -1, ""), "LB": ("back", 1, ""), "RB": ("back", -1, "")}),
+    (3, {"FL": ("front", 1, ""), "FR": ("front", -1, ""), "BL": ("back", 1, ""), "BR": ("back", -1, "")}),
+)
 SIDES = ((LEFT, LEFT_WORDS), (RIGHT, RIGHT_WORDS))
 # Places that a scene may state, and the kind and side that each means
 PLACES: dict[str, tuple[str, int]] = {
@@ -177,9 +185,28 @@ def named_all(texts: Sequence[Sequence[str]]) -> list[Named]:
         if re.search(INNER_CLOTH, plain(material)):
             what = replace(what, kind="none")
         found.append(what)
+    found = _by_code_sets(texts, found)
     # "right side front" may mean the side of the wearer: a side panel has a middle one next to it, if by another name
     whole = {what.kind for what in found if not what.panel}
     return [what if {what.kind, ""} & whole or not what.kind else replace(what, panel="") for what in found]
+
+
+def _by_code_sets(texts: Sequence[Sequence[str]], found: Sequence[Named]) -> list[Named]:
+    """What was found, and of names that begin with the codes of a set what these say."""
+    firsts = [next(iter(re.findall(r"[A-Za-z]+", name)), "").upper() for name, _, _ in texts]
+    out = list(found)
+    for least, codes in CODE_SETS:
+        whole = any(
+            what.kind in ("front", "back") for what, first in zip(found, firsts, strict=True) if first not in codes
+        )
+        has_sides = any(side for _, side, _ in codes.values())
+        if len({*firsts} & {*codes}) < least or (has_sides and whole):  # "lf" beside "front" is half of a sleeve
+            continue
+        for index, first in enumerate(firsts):
+            if first in codes and named(texts[index][0]).kind in ("", "front", "back"):
+                kind, side, panel = codes[first]
+                out[index] = replace(out[index], kind=kind, side=side, panel=panel)
+    return out
 
 
 def _coded(words: Sequence[str]) -> str:

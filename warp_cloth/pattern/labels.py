@@ -27,18 +27,20 @@ NOTE_KEYS = ("annotation", "annotations", "remark", "description")
 PAIR = r"\bpairs?\b|\bpaare?\b|\bpaires?\b|\bpar(es)?\b|\bpai[ao]\b|[对对双雙]"
 PLEATED = r"\bpleat|\bfalte|kellerfalte|\bpliss|\bplis? |\bplisad|\btabla\b|\bpieghe?\b|褶|プリーツ|주름"
 ON_FOLD = (
-    r"\bon (the )?fold|\bau pli|\bbruch\b|stoffbruch|\bdoblez|\bpiega\b|\b(na|pela) dobra|dobra do tecido|stofvouw"
-    r"|\b(aan|op|tegen) (de )?vouw|\bkatta\b|\bkat(a|tan)? (yerinde|izi)|zgi[eę]ci|złożeni|přehyb|\bmot vikning"
+    r"\bon (the )?fold|\bau pli|\b(im )?bruch\b|\b(im )?stoffbruch|\bdoblez|\bpiega\b|\b(na|pela) dobra|dobra do tecido"
+    r"|stofvouw|\b(aan|op|tegen) (de )?vouw"
+    r"|\bkatta\b|\bkat(a|tan)? (yerinde|izi)|zgi[eę]ci|złożeni|přehyb|\bmot vikning"
     r"|\btygvikning|\bmot brett|\bmod fold|\btaite|сгиб|згин|对折|對折|わ裁|골선"
 )
 TO_CUT = "cut|zuschneiden|schneiden|couper|cortar|tagliare|knippen|wytnij|вырезать|klipp"
+TIMES = "(?:mal|fois|veces|vezes|volte|times|keer)"
 # How often to cut, in words of labels ("Cut 2", "2x", "SHELL*1"), and of left and right ("L*1-R*1")
 CUT_TIMES = (
-    rf"\b(?:{TO_CUT})\s*:?\s*(\d{{1,2}})\b",
+    rf"\b(?:{TO_CUT})\s*:?\s*(\d{{1,2}})\b(?:\s*(?:x|{TIMES})\b)?",
     r"(?<![\w.,])(\d{1,2})\s*[x×](?!\s*[a-z]?\d)",
     r"(?:\w|^)\s*[*×]\s*(\d{1,2})\b",
     r"(?<=\w )[x×](\d{1,2})$",
-    r"(?<!\w)(\d{1,2})\s*(?:mal\b|fois\b|veces\b|vezes\b|volte\b|times\b|keer\b|adet\b|szt\b|sztuk)",
+    rf"(?<!\w)(\d{{1,2}})\s*(?:{TIMES}\b|adet\b|szt\b|sztuk)",
     r"(?<!\w)(\d{1,2})\s*(?:дет\b|детал|шт\b|枚|片)",
 )
 LEFT_RIGHT = r"\bl\w{0,4}\s*[*×x=:]?\s*(\d{1,2})\b.{0,4}\br\w{0,5}\s*[*×x=:]?\s*(\d{1,2})\b"
@@ -75,6 +77,10 @@ def _label(remarks: list[str]) -> str:
     telling = [line for line in words if named(line).kind]
     counted = [_without_count(line) for line in lines if line not in words]
     telling += [line for line in counted if named(line).kind not in ("", "none")]
+    if not telling and not words and len(lines) == 1 and len(re.findall(r"\d+", lines[0])) == 1:
+        return (
+            "" if counted[0] == lines[0] else counted[0]
+        )  # the only thing that is said of it, if by one number for one cloth
     return next(iter(telling or words), "")
 
 

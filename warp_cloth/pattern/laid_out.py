@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,8 +17,9 @@ from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Curve, Floats
 from warp_cloth.pattern.draft import STRIPS, Part, parts_as_drawn
 from warp_cloth.pattern.figure import Figure, figure_of
+from warp_cloth.pattern.half_sleeves import half_sleeves
 from warp_cloth.pattern.joints import Joint
-from warp_cloth.pattern.kinds import Named, named_all, plain
+from warp_cloth.pattern.kinds import BOTH, Named, named_all, plain
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import halved
 from warp_cloth.pattern.placing import wraps_of
@@ -28,7 +29,11 @@ from warp_cloth.pattern.wrap import MIRROR, Laid
 
 POINTS = 33  # of a curve, when shapes are compared
 KNOWN = 0.9  # of the cloth's area, that is to be of kinds which are known, and shaped as these are
+LED = 0.6  # the same, where the rest lies as its seams lead
+SEAMS_TELL = 1.5  # times as far apart, as which seams count where they lead sleeves, against names
 SURELY = 1.05  # over how far ends are the other way, from which a panel is not what it is taken for
+FACES = ("front", "back")
+SLEEVES = ("sleeve", "under_sleeve", "cuff", "")
 _BACK = dict(WORDS)["back"]
 
 
@@ -43,50 +48,84 @@ class _Laid:
 def laid_round(pattern: Pattern, figure: Figure | None) -> Pattern:
     """A pattern that places no panel, laid round a figure (None: a usual one); as it is where names do not tell how."""
     figure = figure or figure_of(None)
-    ways = [laid for behind in (False, True) if (laid := _laid(pattern, figure, behind)) is not None]
+    ways: list[tuple[float, _Laid]] = []
+    for led, weight in ((False, 1.0), (True, SEAMS_TELL)):
+        found = [laid for behind in (False, True) if (laid := _laid(pattern, figure, behind, led)) is not None]
+        ways += [(weight * laid.apart, laid) for laid in found]
     if not ways:
         return pattern
-    best = min(ways, key=lambda laid: laid.apart)
+    _, best = min(ways, key=lambda way: way[0])  # the first of equal ones
     nobody = "; no person is there: a figure of 1.70 m" if figure.is_nominal else ""
     note = f"no panel is placed: laid round the body by their names and shapes{nobody}"
     kept = [told for told in pattern.notes if not told.endswith("starts at the origin")]
     return replace(best.pattern, notes=(*kept, note))
 
 
-def _laid(pattern: Pattern, figure: Figure, behind: bool) -> _Laid | None:
-    """The pattern laid round a figure; ``behind``: panels of the back are drawn as seen through the front."""
+def _laid(pattern: Pattern, figure: Figure, behind: bool, led: bool) -> _Laid | None:
+    """The pattern laid round a figure.
+
+    ``behind``: panels of the back are drawn as seen through the front. ``led``: what is of a bodice or skirt lies by
+    its name and shape, all else as its seams lead from there.
+    """
     names = [panel.name for panel in pattern.panels]
-    kinds = named_all([(name, "", "") for name in names])
-    flips = [behind and bool(re.search(_BACK, plain(re.sub(r"[\W\d_]+", " ", name)))) for name in names]
+    kinds = [Named() if what.kind == "none" else what for what in named_all([(name, "", "") for name in names])]
+    is_back = [bool(re.search(_BACK, plain(re.sub(r"[\W\d_]+", " ", name)))) for name in names]
+    is_back = [
+        own or kinds[index].kind.endswith("back") or _is_behind(pattern, index, kinds)
+        for index, own in enumerate(is_back)
+    ]
+    flips = [behind and own for own in is_back]
     panels = [_outside(panel, flip) for panel, flip in zip(pattern.panels, flips, strict=True)]
     turned = [one is not other for one, other in zip(panels, pattern.panels, strict=True)]
     stitches = tuple(replace(stitch, sides=_renumbered(stitch, panels, turned)) for stitch in pattern.stitches)
     drawn = [_piece(panel, what, flip) for panel, what, flip in zip(panels, kinds, flips, strict=True)]
     count = Counter((what.kind, what.side) for what in kinds if what.kind in STRIPS)
-    bands = [count[piece.what.kind, piece.what.side] > 1 for piece, _ in drawn]  # of several pieces: led by their seams
-    pieces = [replace(piece, what=Named()) if led else piece for (piece, _), led in zip(drawn, bands, strict=True)]
+    # bands of several pieces are led by their seams; so is "l_f" where "front" is whole: it may be half a sleeve
+    whole = {what.kind for what, (piece, _) in zip(kinds, drawn, strict=True) if piece.mirror and what.kind in FACES}
+    loose = [led and (what.kind in SLEEVES or (what.kind in whole and what.side != BOTH)) for what in kinds]
+    follow = [count[what.kind, what.side] > 1 or own for what, own in zip(kinds, loose, strict=True)]
+    pieces = [replace(piece, what=Named()) if own else piece for (piece, _), own in zip(drawn, follow, strict=True)]
+    gores = sum(what.kind == "skirt" for what in kinds)  # of neither front nor back, they go round in their order
+    pieces = [replace(piece, copies=(gores, 0)) if piece.what.kind == "skirt" else piece for piece in pieces]
     parts = parts_as_drawn(pieces)
-    shared = Counter((part.kind, part.side) for part in parts if part.roles and part.kind not in STRIPS)
+    if led:
+        parts = tuple(
+            replace(part, kind="", roles={}) if own else part for part, own in zip(parts, follow, strict=True)
+        )
+    shared = Counter((part.kind, part.side) for part in parts if part.roles and part.kind not in (*STRIPS, "gore"))
     if max(shared.values(), default=0) > 1:  # two of them would lie in one place
         return None
     if any(len(part.edges) != len(piece.edges) for part, (piece, _) in zip(parts, drawn, strict=True)):
         return None
     areas = np.array([abs(panel.area) for panel in panels])
-    if areas[[bool(part.roles) for part in parts]].sum() < KNOWN * areas.sum():
+    if areas[[bool(part.roles) for part in parts]].sum() < (LED if led else KNOWN) * areas.sum():
         return None
     places = [places for _, places in drawn]
     joints = [_joint(stitch, places) for stitch in stitches]
     try:
-        wraps = wraps_of(parts, joints, figure)
+        wraps = list(wraps_of(parts, joints, figure))
+        halves = half_sleeves(parts, joints, wraps, figure) if led else {}
+        wraps = [halves.get(index, wrap) for index, wrap in enumerate(wraps)]
     except np.linalg.LinAlgError:  # a part so narrow that it leads nowhere
         return None
     laid = [
         replace(panel, wrap=_of_panel(wrap, part, piece, flip))
         for panel, wrap, part, (piece, _), flip in zip(panels, wraps, parts, drawn, flips, strict=True)
     ]
-    whole = replace(pattern, panels=tuple(laid), stitches=stitches)
-    apart = _apart(whole)
-    return _Laid(whole, apart) if np.isfinite(apart) else None
+    # loops that all run counter-clockwise as seen from outside tell which way round each seam is
+    told = tuple(replace(each, right_to_wrong=bool(each.right_to_wrong)) for each in stitches)
+    made = replace(pattern, panels=tuple(laid), stitches=told)
+    apart = _apart(made, {*halves})
+    return _Laid(made, apart) if np.isfinite(apart) else None
+
+
+def _is_behind(pattern: Pattern, index: int, kinds: Sequence[Named]) -> bool:
+    """Whether a panel that is neither front nor back by name is sewn to a back, and to no front."""
+    if kinds[index].kind not in SLEEVES:
+        return False
+    pairs = [tuple(side.panel for side in stitch.sides) for stitch in pattern.stitches]
+    others = {kinds[one + other - index].kind for one, other in pairs if index in (one, other)}
+    return "back" in others and "front" not in others
 
 
 def _outside(panel: Panel, flip: bool) -> Panel:
@@ -139,14 +178,17 @@ def _of_panel(wrap: Laid, part: Part, piece: Piece, flip: bool) -> Laid:
     return own.mirrored() if flip else own
 
 
-def _apart(pattern: Pattern) -> float:
+def _apart(pattern: Pattern, halves: Set[int]) -> float:
     """How far apart the ends of stitched edges start in the mean [m]; infinite where they are nearer the other way.
 
     All loops run counter-clockwise as seen from outside, so that edges that are sewn run against each other, if each
-    panel is what it is taken for.
+    panel is what it is taken for. Both ends of half a sleeve's cap are about as far from those of an armhole: the seams
+    between ``halves`` tell.
     """
     found = []
     for stitch in pattern.stitches:
+        if len(halves & {side.panel for side in stitch.sides}) == 1:
+            continue
         one, other = (_ends(pattern, side) for side in stitch.sides)
         against, along = (float(np.linalg.norm(one - ends, axis=1).mean()) for ends in (other[::-1], other))
         if not stitch.right_to_wrong and against > SURELY * along:

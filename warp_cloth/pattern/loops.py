@@ -57,7 +57,8 @@ def _distinct(lines: Sequence[Floats]) -> list[Floats]:
     seen: set[bytes] = set()
     out = []
     for line in moving:
-        steps = np.round(line / step)
+        with np.errstate(invalid="ignore"):  # what is not finite is refused by its piece's name
+            steps = np.round(line / step)
         key = min(steps.tobytes(), np.ascontiguousarray(steps[::-1]).tobytes())
         if key not in seen:
             seen.add(key)
@@ -65,15 +66,19 @@ def _distinct(lines: Sequence[Floats]) -> list[Floats]:
     return out
 
 
-def gap_of(lines: Sequence[Floats], loop: Floats) -> float:
-    """The longest side of a loop that no line draws."""
+def gaps_of(lines: Sequence[Floats], loops: Sequence[Floats]) -> list[float]:
+    """The longest side of each loop that no line draws; 0: they draw all of it."""
     drawn = {(a.tobytes(), b.tobytes()) for line in lines for a, b in pairwise(line)}
     drawn |= {(b, a) for a, b in drawn}
-    ahead = np.roll(loop, -1, axis=0)
-    bare = [k for k in range(len(loop)) if (loop[k].tobytes(), ahead[k].tobytes()) not in drawn]
     starts = np.concatenate([line[:-1] for line in lines]) if lines else np.zeros((0, 2))
     along = np.concatenate([np.diff(line, axis=0) for line in lines]) if lines else np.zeros((0, 2))
-    square = np.maximum((along**2).sum(axis=1), 1e-300)
+    return [_gap_of(loop, drawn, starts, along) for loop in loops]
+
+
+def _gap_of(loop: Floats, drawn: set[tuple[bytes, bytes]], starts: Floats, along: Floats) -> float:
+    ahead = np.roll(loop, -1, axis=0)
+    bare = [k for k in range(len(loop)) if (loop[k].tobytes(), ahead[k].tobytes()) not in drawn]
+    square = np.maximum((along**2).sum(axis=1), 1e-300) if bare else np.zeros(0)
     widest = 0.0
     for k in bare:  # a side may be drawn by several lines, or by one of whose points some were left out
         side = float(np.hypot(*(ahead[k] - loop[k])))
@@ -111,7 +116,8 @@ def cleaned(loop: Floats, least: float) -> Floats:
 def area_of(loop: Floats) -> float:
     """Signed area of a loop, positive counter-clockwise."""
     x, y = loop.T
-    return 0.5 * float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
+    with np.errstate(invalid="ignore"):
+        return 0.5 * float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
 
 
 def inset(loop: Floats, width: float) -> Floats:

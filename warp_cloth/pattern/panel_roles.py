@@ -13,6 +13,8 @@ from warp_cloth.pattern.roles import BENT, Roles, Shape, arm_side, bodice_roles,
 SHARP = 0.5 * BENT  # turn at which one seam ends and another begins
 PLUMB = 0.01  # across over along, of the middle of half a skirt
 LONG = 0.3  # of a skirt's height, that its middle runs straight at least
+# Of a front's or back's height, between which the fork of a leg in one with it is, and [m] by which it stands out
+FORK_AT, FORK_OUT = (0.05, 0.62), 0.02
 TO_NOTCH = 0.06  # of the top of an under sleeve, from its lowest point to the notch at the side seam
 
 
@@ -35,6 +37,46 @@ def side_panel_roles(shape: Shape) -> Roles:
     if corners[0] < corners[1]:
         return roles | {"princess": right} | _outer_side(shape, left, "-")
     return roles | {"princess": left} | _outer_side(shape, right, "+")
+
+
+def legged_roles(shape: Shape) -> Roles:
+    """Of half a front or back in one with a leg: hem, inseam, centre, neck, and what its other side has; else empty.
+
+    Its inner side has a corner at the fork, which stands out below a hollow crotch.
+    """
+    (hem_first, hem_end), _ = ends_of(shape)
+    tip = int(np.argmax([float(shape.turned[k].start[1]) for k in shape.order]))
+    paths = {"+": shape.run(hem_end, tip), "-": shape.run(tip, hem_first)}
+    for mark, other in ("+-", "-+"):
+        inner, outer = paths[mark], paths[other]
+        fork = _fork(shape, inner, 1.0 if mark == "+" else -1.0)
+        if fork is None or len(outer) < 2:
+            continue
+        below, above = (inner[:fork], inner[fork:]) if mark == "+" else (inner[fork:], inner[:fork])
+        runs = _smooth_runs(shape, above)
+        neck, *rest = runs[::-1] if mark == "+" else runs
+        centre = tuple(k for k in above if k not in neck)
+        arm = arm_side(shape, outer if other == "+" else outer[::-1], other)
+        hollow = all(any(shape.is_concave(k) for k in run) for run in (neck, centre))
+        if not rest or not hollow or len(arm) < 3:  # an underarm's corner beside a straight centre is no fork
+            continue
+        roles = {"hem": shape.run(hem_first, hem_end), "inseam": below, "centre": centre, "neck": neck}
+        return roles | arm
+    return {}
+
+
+def _fork(shape: Shape, path: Sequence[int], sign: float) -> int | None:
+    """The place in a path of the edge that begins at its outermost corner, if that stands out in the lower part."""
+    if len(path) < 3:
+        return None
+    corners = np.array([shape.turned[k].start for k in path[1:]])
+    outs = sign * corners[:, 0]
+    place = int(outs.argmax())
+    low, high = shape.box
+    share = float((corners[place, 1] - low[1]) / (high[1] - low[1]))
+    upper = float(outs[corners[:, 1] > corners[place, 1]].max(initial=-np.inf))
+    stands_out = float(outs[place]) - upper > FORK_OUT
+    return 1 + place if FORK_AT[0] < share < FORK_AT[1] and stands_out else None
 
 
 def yoke_roles(shape: Shape, whole: bool) -> Roles:

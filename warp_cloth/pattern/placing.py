@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -55,8 +56,8 @@ def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> 
 def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Laid | None:
     part = parts[index]
     by_kind: dict[str, Callable[[], Laid | None]] = {
-        "front": lambda: _trunk(part, figure, True, _side_panel_width(parts, index)),
-        "back": lambda: _trunk(part, figure, False, _side_panel_width(parts, index), _below_yoke(parts, index)),
+        "front": lambda: _bodice(part, figure, True, _side_panel_width(parts, index)),
+        "back": lambda: _bodice(part, figure, False, _side_panel_width(parts, index), _below_yoke(parts, index)),
         "yoke": lambda: _trunk(part, figure, False) if part.roles else None,
         "side_front": lambda: _side_panel(parts, index, figure, True),
         "side_back": lambda: _side_panel(parts, index, figure, False),
@@ -111,6 +112,12 @@ def _below_yoke(parts: Sequence[Part], index: int) -> float:
         return 0.0
     heights = [float(np.ptp(part.shape.box, axis=0)[1]) for part in parts if part.kind == "yoke" and part.roles]
     return max(heights, default=0.0)
+
+
+def _bodice(part: Part, figure: Figure, is_front: bool, side_panels: float = 0.0, lowered: float = 0.0) -> Wrap | None:
+    if "inseam" in part.roles:  # in one with a leg
+        return _leg(replace(part, roles={"crotch": part.roles["centre"]}), figure, is_front)
+    return _trunk(part, figure, is_front, side_panels, lowered)
 
 
 def _trunk(part: Part, figure: Figure, is_front: bool, side_panels: float = 0.0, lowered: float = 0.0) -> Wrap:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import LEFT, RIGHT
 from warp_cloth.pattern.levels import WHOLE_TURN, repeated
 from warp_cloth.pattern.placing_sleeves import FROM_ARMPIT, along_limb, around_arm, shortened, underarm
+from warp_cloth.pattern.specification import Side
 from warp_cloth.pattern.wrap import Laid, Wrap
 
 FLARE = 0.5  # of its width, by which the outer edge of a collar's fall starts farther out than its seam
@@ -49,6 +50,10 @@ def band(
     is_collar = part.kind in COLLARS
     from_back = is_collar or any(each.kind == "leg" for each in parts)
     outward = figure.forward if from_back else -figure.left if below_hem else figure.left
+    halves = _halves(parts, joints, index)
+    if len(halves) > 1:  # it lies before or behind
+        is_front = any(parts[side.panel].kind.endswith("front") for side in _mates(joints, index))
+        outward, bend = figure.forward if is_front else -figure.forward, 0.5 * bend
     if is_collar and _opens_in_front(parts, joints, index):
         outward = -figure.forward
     bottom = _above_neck(parts, figure) if is_collar else float(figure.middle[1])
@@ -63,8 +68,9 @@ def band(
     if is_collar:
         middle[:, [0, 2]] = figure.neck[[0, 2]]
     else:  # an ellipse as wide and deep as what it is sewn to: wider, it would fold down
-        half, deep, ahead = _extent(parts, joints, found, index, figure)
+        half, deep, ahead = _extent(parts, joints, found, halves, figure)
         middle += ahead * figure.forward
+        half, deep = (half, deep) if len(halves) == 1 else (deep, half)
         out = out * max(1.0, half * bend)
         across = across * max(1.0, deep * bend)
     return Wrap(along, levels, centre, np.full(2, bend), middle + out / bend, across, out)
@@ -128,17 +134,28 @@ def _is_sewn_high(parts: Sequence[Part], joints: Sequence[Joint], index: int, al
     return bool(own.mean() > 0.5 * (spots.min() + spots.max()))
 
 
+def _mates(joints: Sequence[Joint], index: int) -> list[Side]:
+    """The edges that a part is sewn to."""
+    pairs = [pair for joint in joints for pair in ((joint.one, joint.other), (joint.other, joint.one))]
+    return [side for mine, theirs in pairs if any(side.panel == index for side in mine) for side in theirs]
+
+
+def _halves(parts: Sequence[Part], joints: Sequence[Joint], index: int) -> Set[int]:
+    """A band, and those of its kind whose ends are sewn to its own."""
+    kind = parts[index].kind
+    others = {side.panel for side in _mates(joints, index) if parts[side.panel].kind == kind}
+    return {index} | (others if kind in ("waistband", "hem_band") else set())
+
+
 def _extent(
-    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Laid | None], index: int, figure: Figure
+    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Laid | None], bands: Set[int], figure: Figure
 ) -> tuple[float, float, float]:
-    """Half the width and depth of what a band is sewn to, and how far ahead its middle is [m]; else of the trunk."""
+    """Half the width and depth of what bands are sewn to, and how far ahead its middle is [m]; else of the trunk."""
     spots = [
         wrap.placed(parts[side.panel].edges[side.edge].at(np.linspace(0.0, 1.0, 9)))
-        for joint in joints
-        for mine, theirs in ((joint.one, joint.other), (joint.other, joint.one))
-        if any(side.panel == index for side in mine)
-        for side in theirs
-        if side.panel != index and (wrap := found[side.panel]) is not None
+        for index in sorted(bands)
+        for side in _mates(joints, index)
+        if side.panel not in bands and (wrap := found[side.panel]) is not None
     ]
     if not spots:
         return figure.half_width, 0.5 * (figure.front + figure.back), 0.5 * (figure.front - figure.back)

@@ -16,6 +16,9 @@ from warp_cloth.pattern.sleeves import sleeve_side, under_sleeve_of
 from warp_cloth.pattern.wrap import Wrap
 
 FROM_ARMPIT = 0.015  # [m] from where the arm leaves the trunk to a sleeve's underarm point
+# [m] of a sleeve's underarm, from which the end of a shorter one starts as far out: it would be drawn into the bodice
+# with its cap, which is longer than all else of it, before that is sewn in
+OUTSIDE = 0.16
 
 
 def sleeve(parts: Sequence[Part], index: int, figure: Figure) -> Wrap:
@@ -49,7 +52,8 @@ def _round_arm(parts: Sequence[Part], index: int, figure: Figure, side: int, sha
     width = np.where(below, most - least, (most - least)[at_armpit])
     centre = np.where(below, 0.5 * (least + most), 0.5 * (least + most)[at_armpit])
     distance = (under - levels) * np.where(levels < under, shortened(parts, figure), 1.0)
-    origin, toward = along_limb(figure.arms[1 if side == LEFT else 0], distance + FROM_ARMPIT)
+    farther = max(OUTSIDE - (under - float(levels[0])), 0.0)
+    origin, toward = along_limb(figure.arms[1 if side == LEFT else 0], distance + FROM_ARMPIT + farther)
     across, outward = (facing * each for each in around_arm(figure, toward, side))
     bend = share * WHOLE_TURN / np.maximum(width, 0.04)
     return Wrap(part.up, levels, centre, bend, origin + outward / bend[:, None], across, outward)

@@ -7,17 +7,20 @@ unless their notches agree, too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from warp_cloth.pattern.bands_in_two import proposed_halves
 from warp_cloth.pattern.collars import proposed_collars
 from warp_cloth.pattern.draft import Part
+from warp_cloth.pattern.gussets import proposed_gussets, slits_of, without_gaps
 from warp_cloth.pattern.joints import Joint, notch_fractions
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
-from warp_cloth.pattern.neckline import half_neck, neck_from_back
+from warp_cloth.pattern.neckline import half_neck, neck_from_back, neck_from_front
 from warp_cloth.pattern.runs import (
+    DOUBTED,
     PLAIN_EASE,
     face_run,
     faces_of,
@@ -34,11 +37,11 @@ SEWN_FROM = 0.75  # confidence from which a proposed seam is sewn without a word
 SHOWN_FROM = 0.3  # and from which it is written into the table at all
 LEFTOVER = 0.6  # most that lengths alone make sure
 FRONT_CENTRE = 0.5  # a front's two halves are as often closed by a zip, or left open
-SKIRT_FRONT_CENTRE = 0.9
+LEG_EASE = (-0.03, 0.03)
+SKIRT_FRONT_CENTRE = LEGGED_CENTRE = 0.9
 PRINCESS_EASE = (-0.04, 0.02)  # a side panel is eased over the bust
 WAIST_EASE = (-0.05, 0.03)  # of trousers to a bodice, which blouses over them
 RIVAL = 0.05  # of confidence, by which the surest seam of an edge is to be surer than the next
-DOUBTED = 0.7  # factor on the confidence of one that is not
 
 
 def proposed_joints(parts: Sequence[Part]) -> tuple[Joint, ...]:
@@ -46,6 +49,7 @@ def proposed_joints(parts: Sequence[Part]) -> tuple[Joint, ...]:
     found = [
         *_darts(parts),
         *_bodices(parts),
+        *proposed_gussets(parts),
         *proposed_yokes(parts),
         *proposed_sleeves(parts),
         *_legs(parts),
@@ -90,23 +94,38 @@ def _doubted(kept: Sequence[Joint], found: Sequence[Joint]) -> list[Joint]:
 
 
 def _darts(parts: Sequence[Part]) -> Iterable[Joint]:
+    has_gusset = bool(parts_of_kind(parts, "gusset"))
     for panel, part in enumerate(parts):
+        slits = [slit for side in (LEFT, RIGHT) for slit in slits_of(parts, panel, side)] if has_gusset else []
         for one, other in part.shape.darts:
-            yield from joint_of(parts, (Side(panel, one),), (Side(panel, other),), "dart")
+            sure = DOUBTED if (one, other) in slits else 1.0
+            yield from joint_of(parts, (Side(panel, one),), (Side(panel, other),), "dart", sure=sure)
 
 
 def _bodices(parts: Sequence[Part]) -> Iterable[Joint]:
     fronts, backs = faces_of(parts, "front"), faces_of(parts, "back")
+    has_gusset = bool(parts_of_kind(parts, "gusset"))
     for front in fronts:
         for back in backs:
             for side in (LEFT, RIGHT):
                 for role in ("shoulder", "side"):
                     one, other = face_run(parts, front, role, side), face_run(parts, back, role, side, True)
                     ease = (-0.06, 0.02) if role == "shoulder" else PLAIN_EASE
-                    yield from joint_of(parts, one, other, role, ease)
+                    apart = without_gaps(one), without_gaps(other)  # a gusset goes into slits between them
+                    if has_gusset and role == "side" and len(apart[0]) == len(apart[1]):
+                        for pair in zip(*apart, strict=True):
+                            yield from joint_of(parts, *pair, role, ease)
+                    else:
+                        yield from joint_of(parts, one, other, role, ease)
     yield from _between_panels(parts, (*fronts, *backs))
-    yield from _centres(parts, [face[0] for face in fronts], FRONT_CENTRE, "centre front")
+    legged = [face[0] for face in fronts if "inseam" in parts[face[0]].roles]  # in one with a leg: closed to its fork
+    yield from _centres(parts, legged, LEGGED_CENTRE, "centre front")
+    yield from _centres(parts, [face[0] for face in fronts if face[0] not in legged], FRONT_CENTRE, "centre front")
     yield from _centres(parts, [face[0] for face in backs], 1.0, "centre back")
+    for ahead in legged:
+        for behind in (face[0] for face in backs if parts[face[0]].side == parts[ahead].side):
+            runs = parts[ahead].roles["inseam"], parts[behind].roles.get("inseam", ())
+            yield from joint_of(parts, run_of(ahead, runs[0]), run_of(behind, runs[1], True), "inseam", LEG_EASE)
 
 
 def _between_panels(parts: Sequence[Part], faces: Iterable[tuple[int, ...]]) -> Iterable[Joint]:
@@ -138,7 +157,7 @@ def _legs(parts: Sequence[Part]) -> Iterable[Joint]:
             if BOTH not in (parts[front].side, parts[back].side) and parts[front].side == parts[back].side:
                 for role in ("outseam", "inseam"):
                     one, other = parts[front].roles.get(role, ()), parts[back].roles.get(role, ())
-                    yield from joint_of(parts, run_of(front, one), run_of(back, other, True), role, (-0.03, 0.03))
+                    yield from joint_of(parts, run_of(front, one), run_of(back, other, True), role, LEG_EASE)
     yield from _centres(parts, fronts, 1.0, "front crotch", "crotch")
     yield from _centres(parts, backs, 1.0, "back crotch", "crotch")
     for leg in parts_of_kind(parts, "leg"):
@@ -155,11 +174,34 @@ def _legs(parts: Sequence[Part]) -> Iterable[Joint]:
 
 def _hoods(parts: Sequence[Part]) -> Iterable[Joint]:
     hoods = [index for index in parts_of_kind(parts, "hood") if parts[index].side != BOTH]
-    yield from _centres(parts, hoods, 1.0, "hood centre")
-    for hood in hoods:
+    strips = [index for index in parts_of_kind(parts, "hood") if "long" in parts[index].roles]
+    yield from _centres(parts, hoods, DOUBTED if strips else 1.0, "hood centre")
+    if strips:
+        yield from _hood_of_three(parts, {parts[hood].side: hood for hood in hoods}, strips)
+    for hood in hoods if not strips else ():
         side = parts[hood].side
         neck = parts[hood].roles.get("neck", ())
         yield from joint_of(parts, run_of(hood, neck), half_neck(parts, side), "hood to neck", (-0.04, 0.06))
+
+
+def _hood_of_three(parts: Sequence[Part], halves: Mapping[int, int], strips: Sequence[int]) -> Iterable[Joint]:
+    """A strip between the halves of a hood, from the face to the neck, where its end goes on between theirs."""
+    if len(strips) != 1 or {*halves} != {LEFT, RIGHT}:
+        return
+    (strip,), left, right = strips, halves[LEFT], halves[RIGHT]
+    own = parts[strip].roles
+    ways = []
+    for on_right, on_left, end in (("long", "long2", "end2"), ("long2", "long", "end")):
+        found: list[Joint] = []
+        for half, role in ((right, on_right), (left, on_left)):
+            centre = run_of(half, parts[half].roles.get("centre", ()), True)
+            found += joint_of(parts, run_of(strip, own[role]), centre, "hood strip", (-0.03, 0.03))
+        necks = [run_of(half, parts[half].roles.get("neck", ())) for half in (left, right)]
+        if all(necks):
+            neck = (*necks[0], *run_of(strip, own[end]), *necks[1])
+            found += joint_of(parts, neck, neck_from_front(parts), "hood to neck", (-0.04, 0.06))
+        ways.append(found)
+    yield from max(ways, key=lambda found: sum(joint.confidence for joint in found))
 
 
 def _skirts(parts: Sequence[Part]) -> Iterable[Joint]:
@@ -222,6 +264,8 @@ def _gores(parts: Sequence[Part]) -> Iterable[Joint]:
 
 def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
     """Collars, waistbands, cuffs and bands at the hem: round a ring of edges, their ends together."""
+    for kind in ("waistband", "hem_band"):
+        yield from proposed_halves(parts, kind, _ring)
     for band in parts_of_kind(parts, "collar", "waistband", "cuff", "hem_band"):
         part = parts[band]
         others = [each for each in parts_of_kind(parts, part.kind) if each not in (band, part.twin)]

@@ -20,6 +20,7 @@ DART_ALIKE = 0.05  # relative difference of a dart's legs
 STRIP = 2.5  # length over width
 STEEP = 0.75  # |dy| of an underarm edge, per length
 BOWED_END = 0.08  # of the chord, that the top of a sleeve bows, and its hem does not
+SLEEVE_OUT = 0.05  # [m] that the underarm of a sleeve cut in one with a bodice runs outwards at least
 RAGLAN = 0.1  # [m] that an edge to the neck rises which is no shoulder
 
 Roles = dict[str, tuple[int, ...]]
@@ -230,6 +231,10 @@ def arm_side(shape: Shape, up: Sequence[int], mark: str) -> Roles:
     if len(up) < 2:
         return {f"side{mark}": tuple(up)}
     as_loop = slice(None, None, 1 if mark == "+" else -1)
+    wrist = _wrist(shape, up, mark)
+    if wrist is not None:
+        parts = {"side": up[:wrist], "wrist": up[wrist : wrist + 1], "shoulder": up[wrist + 1 :]}
+        return {f"{role}{mark}": tuple(run)[as_loop] for role, run in parts.items()}
     x, y = np.abs(shape.chord(up[-1]))
     if y > RAGLAN and y > 0.5 * x:  # a raglan's seam, which runs up to the neck
         raglan = len(up) - 1
@@ -253,6 +258,25 @@ def arm_side(shape: Shape, up: Sequence[int], mark: str) -> Roles:
         high += 1
     parts = {"side": up[:low], "armhole": up[low:high], "shoulder": up[high:]}
     return {f"{role}{mark}": tuple(run)[as_loop] for role, run in parts.items() if len(run)}
+
+
+def _wrist(shape: Shape, up: Sequence[int], mark: str) -> int | None:
+    """The place in a path from the hem up to the neck of the end of a sleeve that is cut in one; None: there is none.
+
+    It is farther out than all else, between an underarm seam that runs outwards and a shoulder that runs back.
+    """
+    sign, step = (1.0, 1) if mark == "+" else (-1.0, -1)
+    paths = [shape.turned[k].points[::step] * [sign, 1.0] for k in up]
+    outs = [float(path[0, 0]) for path in paths] + [float(paths[-1][-1, 0])]
+    for place in range(1, len(up) - 1):
+        farthest = min(outs[place], outs[place + 1])
+        others = outs[:place] + outs[place + 2 :]
+        before, after = paths[place - 1][-1] - paths[place - 1][0], paths[place + 1][-1] - paths[place + 1][0]
+        runs_out = before[0] > max(SLEEVE_OUT, 0.5 * abs(before[1]))
+        runs_back = -after[0] > max(SLEEVE_OUT, abs(after[1])) and not shape.is_concave(up[place + 1])
+        if farthest > max(others) and runs_out and runs_back and shape.is_straight(up[place]):
+            return place
+    return None
 
 
 def leg_roles(shape: Shape) -> Roles:

@@ -12,6 +12,7 @@ from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
 from warp_cloth.pattern.specification import Side
 
 PLAIN_EASE = (-0.02, 0.02)  # longer side over shorter, less 1: as drafted
+DOUBTED = 0.7  # factor on the confidence of a seam that has a rival, or that another piece may belong into
 NOTCH_NEAR = 6e-3  # [m] between notches that belong together
 
 Run = tuple[int, ...]

@@ -16,7 +16,7 @@ from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.dxf_drawn import CUT, FOLD, SEW, Drawn
 from warp_cloth.pattern.labels import name_of
 from warp_cloth.pattern.lattice import inside
-from warp_cloth.pattern.loops import area_of, chained, cleaned, gap_of, inset
+from warp_cloth.pattern.loops import area_of, chained, cleaned, gaps_of, inset
 from warp_cloth.pattern.marks import NO_POINTS
 from warp_cloth.pattern.notched import unnotched
 from warp_cloth.pattern.specification import LARGEST, NO_LENGTH, SMALLEST, short
@@ -94,7 +94,7 @@ def _cut_line(drawn: Drawn, metres: float, notes: list[str]) -> tuple[Floats | N
     if not closed:
         return None, []
     cut = max(closed, key=area_of)
-    gap = gap_of([metres * line for line in lines], cut)
+    (gap,) = gaps_of([metres * line for line in lines], [cut])
     if gap > OPEN_GAP:
         notes.append(f"its outline was open by {1e3 * gap:.0f} mm: closed")
     others = [loop for loop in closed if loop is not cut]

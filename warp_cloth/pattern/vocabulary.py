@@ -29,13 +29,13 @@ WORDS = (
     ),
     (
         "cuff",
-        r"cuff|\bb(ue|u)ndchen\b|a(e|)rmelb(ue|u)ndchen|manschette|manchet|(?<!hals)boord\b|poignet|\bpun(h)?o"
+        r"cuff|\bcff\b|\bb(ue|u)ndchen\b|a(e|)rmelb(ue|u)ndchen|manschette|manchet|(?<!hals)boord\b|poignet|\bpun(h)?o"
         r"|polsino|\bpolso|mankiet|manzet|манжет|\bmanset|linning|\bmudd\b|kalvosin|xiu ?kou|\bke ?fu|袖口"
         r"|克夫|袖头|袖克|カフス|커프스|소매단|mandzsetta|kezelo\b|\bmanseta\b",
     ),
     (
         "hood",
-        r"\bhood|hood\b|kapuze|capuch|cappuccio|capuz|kaptur|kapuc|kapyuson|kapuson|kapisjong|hette"
+        r"\bhood|hood\b|\bhd\b|kapuze|capuch|cappuccio|capuz|kaptur|kapuc|kapyuson|kapuson|kapisjong|hette"
         r"|hatta\b|huppu|капюшон|\bmao ?(zi|pian)?\b|\bmaozi|帽|フード|후드|csuklya|\bgluga",
     ),
     (
@@ -46,15 +46,16 @@ WORDS = (
     ),
     (
         "collar",
-        r"collar|\bstand\b|neck[ _-]*(band|rib|bind|line)|rib[ _-]*neck|kragen|\bsteg\b|halsb(ue|u)ndchen|halsb"
-        r"|kraag|halsboord|\bcol\b|pied de col|encolure|bord[ _-]*cote|cuello|\bgola|collarin|colletto|\bcollo\b"
+        r"collar|\bcoll?\b|\bcl?lr\b|\bstand\b|neck[ _-]*(band|rib|bind|line)|rib[ _-]*neck|kragen|\bsteg\b"
+        r"|halsb(ue|u)ndchen|halsb|kraag|halsboord|\bcol\b|pied de col|encolure|bord[ _-]*cote|cuello|\bgola"
+        r"|collarin|colletto|\bcollo\b"
         r"|listino|kolnierz|limec|vorotnik|воротник|\bбейк|комір|стойка|\byaka\b|\bkrage|\bkrave|kaulus"
         r"|\b(shang|xia|ni|fan)? ?ling(zi|pian|wei|mian|di)?\b|领|領|\beri\b|衿|칼라|카라|넥 ?밴드"
         r"|\bgaller|nyakpant|\bguler|\bplisa dekolt|halsmudd|pruseku|vystrihu",
     ),
     (
         "yoke",
-        r"yoke|passe\b|\bsattel|schulterpasse|empiecement|canesu|\bpala\b|sprone|carre\b|karczek|sedlo"
+        r"yoke|\byk\b|passe\b|\w+pas\b|\bsattel|schulterpasse|empiecement|canesu|\bpala\b|sprone|carre\b|karczek|sedlo"
         r"|koketk|кокетк|\broba\b|\bbesparing|kaarroke|yu ?ke|guo ?jian|育克|过肩|過肩|ヨーク|요크",
     ),
     (
@@ -63,18 +64,18 @@ WORDS = (
     ),
     (
         "sleeve",
-        r"sleeve|\bslv|(a|ae)rmel|mouw|manche|manga|manica|rekaw|rukav|рукав|\bkol\b|\bkolu\b|\barm\b"
+        r"sleeve|\b[lr]?slv|\b[lr]?sl\b|(a|ae)rmel|mouw|manche|manga|manica|rekaw|rukav|рукав|\bkol\b|\bkolu\b|\barm\b"
         r"|\baerme|\bhiha|\bxiu|(da|xiao|qian|hou) ?xiu|\btay\b|袖|スリーブ|소매|\bsode|\bujja?\b|\bmaneca",
     ),
     (
         "leg",
-        r"\bleg|pants?\b|trouser|jean|hosen?\b|hosen|\bhose|shorts?\b|legging|pantal|broek|jambe|pernera"
+        r"\b[lr]?leg|pants?\b|\btrs\b|\bpnt\b|trouser|jean|hosen?\b|hosen|\bhose|shorts?\b|legging|pantal|broek|jambe|pernera"
         r"|gamba|calca\b|calcas|nogawk|\bspodnie?\b|kalhot|nohavic|bryuk|brjuk|брюк|полов\w* брюк|pantolon"
         r"|\bpaca\b|byxor|buks|housut|lahje|\bku(zi|pian)?\b|(qian|hou) ?ku|\bchang ?ku|裤|褲|パンツ|바지|\bnadrag",
     ),
     (
         "skirt",
-        r"skirt|\bgores?\b|rock\b|rockbahn|\bbahn(en)?\b|\brock|\brok\b|jupe|falda|\bsaia|gonna|spodnic|sukne|yubk|юбк|\betek|kjol|nederdel"
+        r"skirt|\bskt\b|\bgores?\b|rock\b|rockbahn|\bbahn(en)?\b|\brock|\brok\b|jupe|falda|\bsaia|gonna|spodnic|sukne|yubk|юбк|\betek|kjol|nederdel"
         r"|hame\b|qun|裙|スカート|치마|szoknya|\bfusta",
     ),
     (
@@ -85,7 +86,7 @@ WORDS = (
     ),
     (
         "back",
-        r"back|\bbtorso|\bbk\b|\bb\b|r(u|ue)ck|\brt\b|\bdos\b|espald|traser|\bcostas\b|dietro|\bretro|hint(er|en)"
+        r"back|\bbtorso|\bbc?k\b|\bb\b|r(u|ue)ck|\brt\b|\bdos\b|espald|traser|\bcostas\b|dietro|\bretro|hint(er|en)"
         r"|\bht\b|rear|arriere|achter|\btyl|zadni|spink|спинк|зад|\bzad|\barka|baksty|bakst|\bbak\b|bagstyk"
         r"|takakap|\btaka|\bhou(?!se|r)|后|後|\bushiro|뒤|than sau|\bhat(a|ulja|so|resz)\b|\bspate\b",
     ),
@@ -114,10 +115,10 @@ UNDER = (
     r"|\balis|\bxiao ?xiu|小袖|内袖|內袖|下袖|안"
 )
 LEFT_WORDS = (
-    r"\bleft|\blh\b|\bl\b|\blinke?[rs]?\b|\bgauche|izquierd|\bizq\b|esquerd|sinistr|\bsx\b"
+    r"\bleft|\blh\b|\bl(?=(slv?|leg|cuff|sleeve|fro?nt|back|bk|frt)\b)|\bl\b|\blinke?[rs]?\b|\bgauche|izquierd|\bizq\b|esquerd|sinistr|\bsx\b"
     r"|\blew[aey]\b|\blev[aey]\b|лев|\bsol\b|\bvanst|\bvenst|\bvasen|\bzuo|左|왼"
 )
 RIGHT_WORDS = (
-    r"\bright|\brh\b|\br\b|rechte?[rs]?\b|rechts|\bdroite?\b|derech|direit|destr|\bdx\b|\bpraw[aey]\b"
+    r"\bright|\brh\b|\br(?=(slv?|leg|cuff|sleeve|fro?nt|back|bk|frt)\b)|\br\b|rechte?[rs]?\b|rechts|\bdroite?\b|derech|direit|destr|\bdx\b|\bpraw[aey]\b"
     r"|\bprav[aey]\b|прав|\bsag\b|\bhoger|\bhojre|\boikea|\byou ?(qian|hou|xiu)|右|오른"
 )

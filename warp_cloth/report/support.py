@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warp_cloth.anatomy.linking import COVERED, LOPSIDED
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, skeleton_or_reason
 from warp_cloth.anatomy.trunk_loop import SHORT, trunk_loop
 from warp_cloth.base.connected import connected_components
+from warp_cloth.garment.falling import falling
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import TORN
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
@@ -70,7 +72,7 @@ def fell_off(judged: Judged) -> FitProblem | None:
     low, high = body.bounds()
     beside = np.maximum(points.min(axis=0) - high, low - points.max(axis=0))[[0, 2]].max()
     below = low[1] - points[:, 1].max()
-    if beside <= 0.0 and below <= 0.0:
+    if beside <= 0.0 and below <= 0.0 and not _falls(judged).all():
         return None
     message = f'"{judged.name}" has fallen past the avatar, which does not hold it.'
     if beside > 0.0:
@@ -83,6 +85,14 @@ def fell_off(judged: Judged) -> FitProblem | None:
         {"beside_mm": 1e3 * max(float(beside), 0.0), "below_mm": 1e3 * max(float(below), 0.0)},
         vertices=tuple(range(len(points))),
     )
+
+
+def _falls(judged: Judged) -> NDArray[np.bool_]:
+    """Which of its vertices fall past all that could catch them, shape [V]."""
+    of = judged.of
+    if of.outcome.status is Status.AT_REST or not np.isfinite(of.outcome.points).all():
+        return np.zeros(len(judged.points), dtype=np.bool_)
+    return falling(of.outfit.garments, of.outcome.points, None if of.body is None else of.body.points)[judged.vertices]
 
 
 def slid_off(judged: Judged) -> FitProblem | None:
@@ -281,8 +291,8 @@ def _drop(judged: Judged) -> float:
 def detached_pieces(judged: Judged) -> Iterator[FitProblem]:
     """Pieces that fall off because nothing connects them to the rest."""
     start, points = judged.garment.points, judged.points
-    fall = start[:, 1] - points[:, 1]
-    if not fall.max() > fall.min() + DETACHED:
+    fall, falls = start[:, 1] - points[:, 1], _falls(judged)
+    if not (fall.max() > fall.min() + DETACHED or falls.any()):
         return
     a, b, c = judged.garment.triangles.T
     piece = connected_components(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
@@ -293,6 +303,7 @@ def detached_pieces(judged: Judged) -> Iterator[FitProblem]:
     np.minimum.at(least, number, fall)
     further = least - np.median(fall[number == np.argmax(count)])
     fallen = further > DETACHED
+    fallen[number[falls]] = True
     if not fallen.any():
         return
     yield FitProblem(

@@ -33,6 +33,7 @@ Boxes = Floats  # lowest and highest corner of some items [m], shape [N, 2, 3]
 # Given items and their boxes, new colliders for those that the old ones no longer cover.
 Follow = Callable[[Sequence[int], Boxes], dict[int, Collider]]
 Crosses = Callable[[Sequence[int]], Sequence[int]]  # which of some items' cloth passes through cloth now
+Falls = Callable[[Sequence[int]], Sequence[int]]  # of which of some items cloth falls that nothing can catch
 Astray = Callable[[], bool]  # whether a limb of the only item's avatar is outside its opening now, or within the cloth
 BURST = 20  # iterations in a captured graph: enough to hide a launch, few enough to follow a fall
 BURSTS_PER_CHECK = 5  # the certificate costs about two iterations
@@ -45,6 +46,9 @@ CROSSING_CHECKS = (2000, 8000)
 # Iterations after which what still crosses stays tangled. Random designs came apart 300 to 500 after being sewn; one
 # that the multilevel method had left with crossings, after more than 4,000.
 TANGLED = {Patience.NONE: math.inf, Patience.SHORT: 4000, Patience.LONG: 10_000}
+# Every so many iterations cloth that came down farther than this is asked whether anything can catch it. Free cloth
+# falls by 20 mm in as many, settling hems by less than this.
+FALL_CHECK, CAME_DOWN = 500, 0.01  # [m]
 ASTRAY = 1000  # the same, where cloth is wound round a limb, too, and another attempt may do better
 
 
@@ -85,6 +89,7 @@ def relax_to_rest(
     schedule: ContactSchedule | None = None,
     crosses: Crosses | None = None,
     astray: Astray | None = None,
+    falls: Falls | None = None,
     on_check: Callable[[Check, float], None] | None = None,
     ahead: bool | None = None,
 ) -> Outcome:
@@ -98,6 +103,7 @@ def relax_to_rest(
         schedule: of contact of cloth with cloth.
         crosses: tells whether the cloth passes through itself, where the goal says that the fit ends then.
         astray: tells whether the cloth is wound round a limb, where it stays tangled.
+        falls: tells whether cloth falls that nothing can catch, where it comes down.
         on_check: called with every check and the seconds so far.
         ahead: as in relax_items.
     """
@@ -114,6 +120,7 @@ def relax_to_rest(
         schedule=schedule,
         crosses=crosses,
         astray=astray,
+        falls=falls,
         on_check=report if on_check is not None else None,
         on_burst=recorder.offer if frames else None,
         ahead=ahead,
@@ -130,6 +137,7 @@ def relax_items(
     schedule: ContactSchedule | None = None,
     crosses: Crosses | None = None,
     astray: Astray | None = None,
+    falls: Falls | None = None,
     on_check: Callable[[Measurement, float], None] | None = None,
     on_burst: Callable[[int, Relaxation], None] | None = None,
     ahead: bool | None = None,
@@ -150,12 +158,13 @@ def relax_items(
         schedule: of contact of cloth with cloth; such a scene is a single item.
         crosses: tells which items' cloth passes through cloth, for goals that end there.
         astray: tells whether the cloth of a scene with contact is wound round a limb, where it stays tangled.
+        falls: tells of which items cloth falls that nothing can catch, where it comes down.
         on_check: called with every measurement of all items, and the seconds so far.
         on_burst: called after every burst with its last iteration; positions are those of the last update_model.
         ahead: whether iterations run while a check is read; None: if that saves time. Must be off if more iterations
             follow the end: displacements and stiffness bounds are not restored.
     """
-    return _Loop(certifier, goals, follow, schedule, crosses, astray, on_check, ahead).run(on_burst)
+    return _Loop(certifier, goals, follow, schedule, crosses, astray, falls, on_check, ahead).run(on_burst)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,6 +203,7 @@ class _Loop:
         schedule: ContactSchedule | None,
         crosses: Crosses | None,
         astray: Astray | None,
+        falls: Falls | None,
         on_check: Callable[[Measurement, float], None] | None,
         ahead: bool | None,
     ) -> None:
@@ -210,6 +220,8 @@ class _Loop:
         self._stall_watch = StallWatch([goal.patience for goal in goals], self._tolerances)
         self._crosses = crosses if any(goal.ends_crossing for goal in goals) else None
         self._astray = astray  # None once it has been asked
+        self._falls = falls
+        self._lowest: Floats | None = None  # of each item when it was last looked whether it falls [m], shape [items]
         self._began = time.perf_counter()
 
     def run(self, on_burst: Callable[[int, Relaxation], None] | None) -> list[Outcome]:
@@ -246,6 +258,8 @@ class _Loop:
     def _runs_ahead(self, pending: _Pending) -> bool:
         """Whether the next burst may begin before the pending measurement is read."""
         if not self._ahead or pending.ending or self._looks_for_crossings(pending.iteration):
+            return False
+        if self._falls is not None and pending.iteration % FALL_CHECK == 0:
             return False
         return self._schedule is None or pending.measurement is None or not self._schedule.must_wait
 
@@ -328,10 +342,23 @@ class _Loop:
                 self._astray = None
             found |= dict.fromkeys(given_up, CutShort.CROSSING)
         found |= dict.fromkeys(self._turning(measured), CutShort.SLOW)
+        found |= dict.fromkeys(self._falling_free(measured), CutShort.FALLING)
         if self._crosses is not None and self._looks_for_crossings(measured.iteration):
             watched = [item for item in self._active if self._goals[item].ends_crossing and measured.finite[item]]
             found |= dict.fromkeys(self._crosses(watched), CutShort.CROSSING)
         return found
+
+    def _falling_free(self, measured: Measurement) -> Sequence[int]:
+        """Active items of which cloth falls that nothing can catch, and that may end without being at rest."""
+        if self._falls is None or measured.iteration == 0 or measured.iteration % FALL_CHECK:
+            return ()
+        lowest = measured.boxes[:, 0, 1]
+        before, self._lowest = self._lowest, lowest
+        if before is None:
+            return ()
+        came_down = measured.finite & (before - lowest > CAME_DOWN)
+        watched = [each for each in self._active if came_down[each] and self._goals[each].patience is not Patience.NONE]
+        return self._falls(watched) if watched else ()
 
     def _turning(self, measured: Measurement) -> list[int]:
         """Active items whose turn is over: the other kind of steps goes on with them."""
