@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,6 +21,14 @@ from warp_cloth.dressing.panels import CLOSED, legs_parted, skirt_closed
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import Route, _is_armhole, _turned_up, curves_of
 from warp_cloth.fitting import dresser, posed_start
+
+
+@dataclass(frozen=True)
+class Lone:
+    """An outfit of one garment, as far as dressing sews it."""
+
+    wearing: tuple[Any, ...]
+
 
 SHOULDER = np.array([0.2, 1.4, 0.0])
 
@@ -339,3 +347,49 @@ def test_straps_are_tugged_until_they_lie_well_but_not_torn(
     )
     dresser.Dresser.lay_straps(shirt)
     assert shirt.points[0] == kept
+
+
+@pytest.mark.parametrize("rise", [0.05, 0.3], ids=["below the arms", "into the arms"])
+def test_a_skirt_that_would_be_lifted_into_the_arms_hangs_from_its_top_first(rise: float) -> None:
+    """A vertical sheet from the floor up to 0.2 m below an arm that is held out."""
+    arm = np.array([[0.2, 1.4, -0.5], [0.2, 1.4, 0.5]])
+    done: list[Any] = []
+    skirt: Any = SimpleNamespace(
+        points=np.array([[-1.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.2, 1.2, 0.0]]),
+        wearing=SimpleNamespace(
+            triangles=np.array([[0, 1, 2]], dtype=np.int32), rise=lambda points: rise, skeleton=skeleton()
+        ),
+        _posed=[arm] * 6,
+        _hold_top=None,
+        _set_weight=done.append,
+        _has_fallen=lambda after: done.append("fallen"),
+    )
+    dresser.Dresser.hang(skirt)
+    assert done == ([dresser.HEAVY, "fallen", 1.0] if rise > 0.2 else [])
+
+
+@pytest.mark.parametrize(("tangled", "is_strapless"), [(0, True), (1, True), (2, True), (2, False)])
+def test_a_top_that_the_arms_hold_open_is_sewn_below_them(tangled: int, is_strapless: bool) -> None:
+    """``tangled``: how many ways of sewing leave it so."""
+    wearing: Any = SimpleNamespace(hangs_from_bust=is_strapless, below_arms=lambda: "lower")
+    made: list[tuple[Any, ...]] = []
+
+    def make(scene: None, outfit: Any, *_given: None) -> Any:
+        way = len(made)
+        own = SimpleNamespace(
+            is_tangled=way < tangled, sew=lambda *momentum: made.append((outfit.wearing[0], *momentum))
+        )
+        return own
+
+    lone = posed_start._Lone(None, Lone((wearing,)), None, None, None)  # type: ignore[arg-type]
+    posed_start._sewn(lone, make)
+    ways = [(wearing,), (wearing, posed_start.SLOW_MOMENTUM), ("lower",)]
+    assert made == ways[: min(tangled, 1 + is_strapless) + 1]
+
+
+def test_a_strapless_dress_below_the_arms_starts_lower_all_of_it() -> None:
+    points = np.array([[0.0, 1.2, 0.0], [0.1, 0.3, 0.0]])
+    body: Any = SimpleNamespace(span=1.6, up=np.array([0.0, 1.0, 0.0]))
+    dress = Wearing((), (), np.zeros((0, 3), np.int32), body, points, points).below_arms()
+    assert dress.start is points
+    np.testing.assert_allclose(points - dress.followed, [[0.0, 0.072, 0.0]] * 2)

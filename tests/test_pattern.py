@@ -303,6 +303,23 @@ def test_edges_that_cross_at_their_corner_are_parted_and_told() -> None:
     assert 'panel "front", edges 3 and 4 touch or cross at their corner: opened by' in mesh.notes[0]
 
 
+def gore(radius: float) -> dict[str, Any]:
+    """A skirt's gore whose hem is cut in by an arc [cm]; its tangent crosses the sides if the radius is under 30.3."""
+    cut = panel([[0, 0], [54.5, 0], [30, 50.2], [24.5, 50.2]])
+    cut["edges"][0]["curvature"] = {"type": "circle", "params": [radius, 0, 0]}
+    return cut
+
+
+def test_a_hem_that_crosses_both_sides_for_a_hands_breadth_is_parted_and_told() -> None:
+    mesh = sewn({"gore": gore(29.0)}, [])  # by 6 degrees, over 6 cm
+    assert topology(mesh) == (1, 1)
+    assert [note.rpartition("opened by")[2] for note in mesh.notes] == [" up to 2.2 mm", " up to 2.2 mm"]
+    area = read_specification("s", specification({"gore": gore(29.0)}, [])).panels[0].area
+    assert area_of(mesh) == pytest.approx(area, rel=1e-3)
+    with pytest.raises(InputError, match="crosses or touches itself"):
+        sewn({"gore": gore(27.6)}, [])  # by 17 degrees
+
+
 def test_a_scene_takes_a_pattern(tmp_path: Path) -> None:
     (tmp_path / "bag_specification.json").write_bytes(specification({"front": FRONT}, []))
     scene = load_scene({"garment": {"pattern": str(tmp_path / "bag_specification.json")}})

@@ -162,5 +162,7 @@ def test_a_gown_wider_than_two_people_are_tall_fits_its_body() -> None:
     body = Mesh("body", np.array([[-0.4, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 1.8, 0.0]]), np.array([[0, 1, 2]], np.int32))
     guessed = replace(body, notes=(f"{GUESS_NOTE} metres",))
     check_sizes([("garment", gown)], guessed)
+    gathered = replace(gown, points=gown.points * [2.1, 1.0, 1.0])  # the lowest of five ruffled levels: 9.66 m
+    check_sizes([("garment", gathered)], guessed)
     with pytest.raises(InputError, match="does not fit an avatar"):
         check_sizes([("garment", replace(gown, points=3.0 * gown.points))], guessed)

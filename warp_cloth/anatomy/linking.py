@@ -7,7 +7,7 @@ of the body is crossed by all limbs that it did not count, so an opening's limbs
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,6 +29,7 @@ SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most wh
 # one hip: 24 degrees, from the waist on one side down to the buttock on the other.
 LOPSIDED = 0.45
 FAR_TRUNK = 0.08  # of the body's span, from the middle of its openings: the trunk is not where its garment is
+UNDER_ARMS = 0.045  # of the span, by which a top that hangs from the bust is sewn lower where the arms hold it open
 FAR_WAIST = 0.25  # [m] above or below the waist: low trousers and high skirts begin nearer
 BUST = 0.4  # of the way from the waist to the shoulders: strapless tops begin at 0.47 and higher, high waists at 0.07
 COVERED = 0.03  # [m] of a sleeve beyond the fingertips, or of a leg beyond the toes, that is too long
@@ -164,6 +165,16 @@ class Wearing:
     def is_skirt(self) -> bool:
         """Whether it hangs from the waist and has no legs."""
         return self.hangs_from_waist and all(len(limbs) != 1 for limbs in self.limbs)
+
+    @property
+    def hangs_from_bust(self) -> bool:
+        """Whether it is a skirt or a dress without straps."""
+        return self.is_skirt and self._begins_at_bust
+
+    def below_arms(self) -> Wearing:
+        """The garment taken to start so much lower that its top is clear of the arms."""
+        down = UNDER_ARMS * self.skeleton.span * self.skeleton.up
+        return replace(self, followed=self.followed - down)
 
     @property
     def is_trousers(self) -> bool:

@@ -172,6 +172,17 @@ class Dresser:
                 break
             self._relax(CHECK)
 
+    def hang(self) -> None:
+        """Lets what is sewn hang from its top, held where it starts, if the arms would be in it once it is lifted.
+
+        The sides of a round skirt stand up beside its top, and would be lifted over the shoulders.
+        """
+        lifted = self.points + self.wearing.rise(self.points) * self.wearing.skeleton.up
+        if any(curve_crossings(lifted, self.wearing.triangles, self._posed[arm]) for arm in ARMS):
+            self._set_weight(HEAVY)
+            self._has_fallen(self._hold_top)
+            self._set_weight(1.0)
+
     def lift(self) -> None:
         """Moves the garment to where its highest opening started.
 

@@ -5,7 +5,7 @@ A garment that was drafted for another body starts with panels on the wrong side
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -96,12 +96,7 @@ def _placed(problem: Problem, starts: Sequence[PosedStart], clock: StageClock) -
 
 
 def _sewn_and_carried(lone: _Lone, *, watching: bool, lifted: bool) -> PosedStart:
-    make = partial(Dresser, *lone, lifted=lifted, watching=watching)
-    dresser = make()
-    dresser.sew()
-    if dresser.is_tangled:
-        dresser = make()
-        dresser.sew(SLOW_MOMENTUM)
+    dresser = _sewn(lone, partial(Dresser, lifted=lifted, watching=watching))
     if dresser.wearing.is_trousers and not lifted:
         dresser.pull_on()
     elif dresser.wearing.is_round_head and not lifted:
@@ -113,9 +108,25 @@ def _sewn_and_carried(lone: _Lone, *, watching: bool, lifted: bool) -> PosedStar
     return dresser.ended()
 
 
+def _sewn(lone: _Lone, make: Callable[..., Dresser]) -> Dresser:
+    """The garment sewn round the posed body: as usual, slowly, or below the arms; whichever leaves no tangle."""
+    dresser = make(*lone)
+    dresser.sew()
+    if dresser.is_tangled:
+        dresser = make(*lone)
+        dresser.sew(SLOW_MOMENTUM)
+    (wearing,) = lone.outfit.wearing
+    if dresser.is_tangled and wearing is not None and wearing.hangs_from_bust:
+        dresser = make(*lone._replace(outfit=replace(lone.outfit, wearing=(wearing.below_arms(),))))
+        dresser.sew()
+    return dresser
+
+
 def _carry(dresser: Dresser, lifted: bool) -> None:
     wearing = dresser.wearing
     if lifted or wearing.hangs_from_waist:
+        if wearing.hangs_from_waist:
+            dresser.hang()
         dresser.lift()
     grows_first = wearing.is_skirt or dresser.could_slide
     if grows_first:

@@ -33,6 +33,7 @@ GUESS_NOTE = "units not stated"  # start of every note about a guess
 RATIO, WIDE_RATIO = (0.05, 1.6), (0.01, 20.0)
 SAME_UNIT_RATIO = (0.02, 5.0)  # both guessed alike: an error concerns both
 STATED_RATIO, PERSON = (0.05, 5.0), (1.4, 2.1)  # of a garment of stated unit, on an avatar as tall as people are [m]
+ACROSS = 2.0  # of its second largest extent, if more than STATED_RATIO: gathered skirts are made of strips that long
 GAP, WIDE_GAP = 0.25, 2.0  # between the two bounding boxes, over the avatar's extent
 
 
@@ -208,7 +209,9 @@ def check_sizes(garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None) -> No
         if guess_g and guess_a and garment.unit == avatar.unit:
             ratio_bounds, gap_bound = SAME_UNIT_RATIO, WIDE_GAP
         elif guess_a and not guess_g and _fits(_extent(avatar), PERSON):
-            ratio_bounds, gap_bound = STATED_RATIO, GAP  # a gown is wider than two people are tall
+            strip = _extent(garment, second=True) <= ACROSS * _extent(avatar)
+            most = WIDE_RATIO[1] if strip else STATED_RATIO[1]  # a gown is wider than two people are tall
+            ratio_bounds, gap_bound = (STATED_RATIO[0], most), GAP
         elif guess_g or guess_a:
             ratio_bounds, gap_bound = RATIO, GAP
         ratio, gap = _fit_of(garment, avatar, 1.0, 1.0)
@@ -227,9 +230,10 @@ def _origin(mesh: Mesh) -> str:
     return f"{mesh.unit}, {'guessed' if was_guessed(mesh) else 'stated'}"
 
 
-def _extent(mesh: Mesh) -> float:
+def _extent(mesh: Mesh, *, second: bool = False) -> float:
+    """The largest extent, or the second largest one [m]."""
     low, high = mesh.bounds()
-    return float((high - low).max())
+    return float(np.sort(high - low)[-2 if second else -1])
 
 
 def _fit_of(garment: Mesh, avatar: Mesh, scale_g: float, scale_a: float, *, stand: str = "") -> tuple[float, float]:

@@ -26,7 +26,9 @@ FACING = 0.5  # cosine between the inward normal and the way to a point beyond w
 OPEN = np.radians(4.0)  # least angle of a corner; less is opened, as cloth there is narrower than a thread
 HOLE_SIDES = 16  # of a hole's polygon at least
 GROWN = (0.98, 1.02)  # of a hole's polygon about its middle; one of 16 sides in a circle lacks 1.3 %
-REACH = 8  # vertices from a corner up to which edges that cross are parted
+CROSSING = np.radians(15.0)  # by which edges may cross at a corner that is opened
+REACH = 24  # vertices from a corner up to which edges that cross are parted
+MOST_OPENED = 8e-3  # [m] that a vertex is moved in doing so; outlines that cross by more are refused
 ROUNDS = 2  # of passing spacings across seams and panels
 
 
@@ -327,16 +329,18 @@ def _opened(panel: Panel, points: Floats, edges: Sequence[int]) -> tuple[Floats,
     corners = [i for i in range(count) if edges[i] != edges[i - 1]]
     first = _corner_angles(moved, side)
     for corner in corners:
-        if first[corner] >= OPEN:
+        if OPEN <= first[corner] < 2.0 * np.pi - CROSSING:
             continue
         steps = range(1, min(REACH, count // 3) + 1)
         ways = [[moved[(corner + sign * k) % count] - moved[corner] for k in steps] for sign in (1, -1)]
         ahead, behind = (np.arctan2(*np.array(way).T[::-1]) for way in ways)
-        angle = _of_cloth(side * (behind - ahead))
-        until = np.flatnonzero((angle >= OPEN) & (angle < np.pi))
-        if not len(until) or (angle[: until[0]] > OPEN).any():
+        angle = np.unwrap(np.mod(side * (behind - ahead), 2.0 * np.pi))
+        if angle[0] > 2.0 * np.pi - CROSSING:  # they cross, or run round the tip of a slit, which stays as narrow
+            angle -= 2.0 * np.pi
+        until = np.flatnonzero(angle >= OPEN)
+        if angle[0] >= OPEN or not len(until) or angle[until[0]] >= np.pi:
             continue
-        most = 0.0
+        before, most = moved.copy(), 0.0
         for k in range(until[0]):
             turn = 0.5 * side * (OPEN - angle[k])
             for sign, way in ((1, ways[0][k]), (-1, ways[1][k])):
@@ -344,6 +348,9 @@ def _opened(panel: Panel, points: Floats, edges: Sequence[int]) -> tuple[Floats,
                 to = moved[corner] + (c * way[0] - s * way[1], s * way[0] + c * way[1])
                 most = max(most, float(np.hypot(*(to - moved[(corner + sign * k + sign) % count]))))
                 moved[(corner + sign * (k + 1)) % count] = to
+        if most > MOST_OPENED:
+            moved = before
+            continue
         first = _corner_angles(moved, side)
         numbers = [panel.edges[edges[place]].number for place in (corner - 1, corner)]
         told = f'panel "{short(panel.name)}", edges {numbers[0]} and {numbers[1]} touch or cross at their corner'

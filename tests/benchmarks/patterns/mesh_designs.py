@@ -222,10 +222,12 @@ def main() -> None:
         pattern = read_specification(str(path), path.read_bytes())
         area, length, small, open_small, least = panel_errors(pattern, mesh)
         order = json.loads(path.read_text())["pattern"]["panel_order"]
-        right, known = as_in_box(pattern, order, args.designs / f"{name}.obj")
-        faces = read_with_uv(args.designs / f"{name}.obj")[1][:, :, 0]
-        own, box, parted = topology(mesh.triangles), topology(faces), topology(unpinched(faces))
-        alike = topology(unpinched(mesh.triangles)) == parted
+        own, other = topology(mesh.triangles), args.designs / f"{name}.obj"
+        right, known, box, alike = 0, 0, None, False
+        if other.exists():  # the generator's own mesher refuses some of its designs
+            right, known = as_in_box(pattern, order, other)
+            faces = read_with_uv(other)[1][:, :, 0]
+            box, alike = topology(faces), topology(unpinched(mesh.triangles)) == topology(unpinched(faces))
         seams = len(pattern.stitches)
         found = blind(pattern)
         each = at_full_count(path, args.edge_mm * 1e-3, mesh.vertex_count)
