@@ -356,18 +356,26 @@ def test_panels_that_are_not_taken_though_something_speaks_for_them_are_noted(
     assert told in "".join(notes)
 
 
-def test_an_opening_that_is_stretched_all_around_is_too_small_and_no_open_seam(tmp_path: Path) -> None:
-    skirt = tube(0.25, 0.6, 1.0, around=48, rows=16)
-    write_obj(tmp_path / "tube.obj", skirt.points, skirt.triangles)
-    values = {
-        "garment": {"mesh": str(tmp_path / "tube.obj"), "units": "m"},
-        "avatar": {"shape": {"kind": "mannequin"}},
-    }
-    scene, outfit = loaded(values)
-    stretched = outfit.garments[0].points.copy()
-    low = np.clip(0.08 - (stretched[:, 1] - 0.6), 0.0, 0.08) / 0.08
-    stretched[:, [0, 2]] *= (1.0 + 0.8 * low)[:, None]
-    found = judge(scene, outfit, stretched)
+@pytest.fixture
+def skirt(tmp_path: Path) -> tuple[Any, Any]:
+    """A tube of 48 edges around, 0.5 m wide, on a mannequin, and its outfit."""
+    tube_of_cloth = tube(0.25, 0.6, 1.0, around=48, rows=16)
+    write_obj(tmp_path / "tube.obj", tube_of_cloth.points, tube_of_cloth.triangles)
+    garment = {"mesh": str(tmp_path / "tube.obj"), "units": "m"}
+    return loaded({"garment": garment, "avatar": {"shape": {"kind": "mannequin"}}})
+
+
+def widened(outfit: Any, strain: float) -> Any:
+    """The tube's points with its lower rim stretched so far, and less above."""
+    points = outfit.garments[0].points.copy()
+    low = np.clip(0.08 - (points[:, 1] - 0.6), 0.0, 0.08) / 0.08
+    points[:, [0, 2]] *= (1.0 + strain * low)[:, None]
+    return points
+
+
+def test_an_opening_that_is_stretched_all_around_is_too_small_and_no_open_seam(skirt: tuple[Any, Any]) -> None:
+    scene, outfit = skirt
+    found = judge(scene, outfit, widened(outfit, 0.8))
     assert "seam_open" not in found
     problem = found["too_small"]
     assert "its opening for the right leg and left leg" in problem.message
@@ -375,3 +383,16 @@ def test_an_opening_that_is_stretched_all_around_is_too_small_and_no_open_seam(t
     torn = outfit.garments[0].points.copy()
     torn[np.argmin(np.abs(torn[:, 1] - 0.8))] += [0.0, 0.05, 0.0]
     assert "seam_open" in judge(scene, outfit, torn)
+
+
+@pytest.mark.parametrize(("strain", "code"), [(0.12, "too_small"), (0.06, "seam_open")])
+def test_a_tight_rim_of_which_one_edge_looks_torn_is_no_open_seam(
+    skirt: tuple[Any, Any], strain: float, code: str
+) -> None:
+    scene, outfit = skirt
+    points = widened(outfit, strain)
+    rim = np.flatnonzero(np.abs(points[:, 1] - 0.6) < 1e-6)
+    first, second = rim[np.argsort(np.arctan2(points[rim, 2], points[rim, 0]))][:2]
+    points[first] += 0.45 * (points[first] - points[second])
+    found = judge(scene, outfit, points)
+    assert {"too_small", "seam_open"} & found.keys() == {code}

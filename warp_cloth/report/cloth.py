@@ -22,6 +22,7 @@ WRONG_SCALE = 0.3  # strain of half the edges: the tightest of worn cloth has le
 TIGHT, TIGHT_SHARE = 0.3, 0.1
 # Strain of an opening's whole edge, which no garment of its size has, and how far from it its cloth is drawn along [m].
 TIGHT_OPENING, AROUND = 0.3, 0.12
+TIGHT_RIM = 0.1  # the same where nothing but an edge itself looks torn: it is no seam that could be held open
 # Angle between the normals of neighbouring triangles, and the fraction of hinges folded so sharply: of these designs
 # 0.06 at most, in a silk skirt of many panels.
 SHARP, BUNCHED = np.radians(120.0), 0.1
@@ -85,8 +86,9 @@ def tight_openings(judged: Judged) -> list[tuple[Opening, Limbs, float]]:
     for opening, limbs in zip(wearing.openings, wearing.limbs, strict=True):
         loop = judged.points[opening.loop]
         worn = float(np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum())
-        is_near = float(opening.distances[torn].max(axis=1).min()) <= AROUND
-        if is_near and worn > (1.0 + TIGHT_OPENING) * opening.girth:
+        near = torn[opening.distances[torn].max(axis=1) <= AROUND]
+        is_rim = HEAD not in limbs and bool(np.isin(near, opening.loop).all())
+        if len(near) and worn > (1.0 + (TIGHT_RIM if is_rim else TIGHT_OPENING)) * opening.girth:
             found.append((opening, limbs, worn))
     return found
 
