@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.garment.rest import Floats
@@ -24,6 +23,7 @@ from warp_cloth.solver.certificate.certifier import (
 )
 from warp_cloth.solver.certificate.summary import PendingFigures
 from warp_cloth.solver.contact_schedule import ContactSchedule
+from warp_cloth.solver.frame_recorder import FrameRecorder
 from warp_cloth.solver.goal import Goal, Outcome
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
 from warp_cloth.solver.relax import Relaxation
@@ -64,22 +64,6 @@ def bursts(relaxation: Relaxation) -> tuple[int, ...]:
     return (BURST * BURSTS_PER_CHECK,) if relaxation.runs_long else (BURST,) * BURSTS_PER_CHECK
 
 
-class FrameRecorder:
-    """Records shapes at iteration counts that grow geometrically: cloth moves most at the start."""
-
-    def __init__(self, count: int, limit: int) -> None:
-        wanted = np.geomspace(BURST, max(limit, BURST), 4 * count) if count else np.zeros(0)
-        self._due = sorted({round(number / BURST) * BURST for number in wanted})
-        self.frames: list[tuple[int, NDArray[np.float32]]] = []
-
-    def offer(self, iteration: int, relaxation: Relaxation) -> None:
-        """Records the shape after this iteration if it is due."""
-        if self._due and iteration >= self._due[0]:
-            self._due = [due for due in self._due if due > iteration]
-            relaxation.update_model()
-            self.frames.append((iteration, relaxation.model.points().astype(np.float32)))
-
-
 def relax_to_rest(
     certifier: Certifier,
     goal: Goal,
@@ -107,7 +91,7 @@ def relax_to_rest(
         on_check: called with every check and the seconds so far.
         ahead: as in relax_items.
     """
-    recorder = FrameRecorder(frames, goal.limit)
+    recorder = FrameRecorder(frames, BURST, goal.limit)
 
     def report(measured: Measurement, seconds: float) -> None:
         if on_check is not None:
