@@ -124,6 +124,20 @@ def test_sleeves_of_halves_are_laid_round_the_arms(named: str, tmp_path: Path) -
         assert middles[named.format(side, "f")][2] > middles[named.format(side, "b")][2] + 0.02
 
 
+def test_sleeves_are_on_the_side_where_they_are_sewn(tmp_path: Path) -> None:
+    """Names that do not say which is left ("manche_g") need not."""
+    sleeve = panel([[-13, 0], [13, 0], [18, 32], [0, 44], [-18, 32]])
+    panels = {"devant": top(0.5), "dos": top(0.15), "manche_d": sleeve, "manche_g": sleeve}
+    stitches = [("devant", a, "dos", a) for a in (*SIDES, *SHOULDERS)]
+    stitches += [(name, 1, name, 4) for name in ("manche_d", "manche_g")]
+    stitches += [("manche_g", 3, "devant", 2), ("manche_g", 2, "dos", 2)]
+    stitches += [("manche_d", 2, "devant", 6), ("manche_d", 3, "dos", 6)]
+    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
+    assert topology(mesh) == (4, -2)
+    right, left = (mesh.points[np.unique(mesh.triangles[mesh.panels == k]), 0] for k in (2, 3))
+    assert left.min() > 0.05 > -0.05 > right.max()
+
+
 def test_what_names_do_not_tell_starts_as_it_is_drawn(tmp_path: Path) -> None:
     panels = {"a": panel([[0, 0], [30, 0], [30, 30], [0, 30]]), "b": panel([[0, 0], [30, 0], [30, 30], [0, 30]])}
     mesh = load_pattern(written(tmp_path / "a_specification.json", panels, [("a", 1, "b", 3)]), edge=EDGE)

@@ -19,7 +19,7 @@ from warp_cloth.pattern.draft import STRIPS, Part, parts_as_drawn
 from warp_cloth.pattern.figure import Figure, figure_of
 from warp_cloth.pattern.half_sleeves import half_sleeves
 from warp_cloth.pattern.joints import Joint
-from warp_cloth.pattern.kinds import BOTH, Named, named_all, plain
+from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, Named, named_all, plain
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import halved
 from warp_cloth.pattern.placing import wraps_of
@@ -69,6 +69,7 @@ def _laid(pattern: Pattern, figure: Figure, behind: bool, led: bool) -> _Laid | 
     """
     names = [panel.name for panel in pattern.panels]
     kinds = [Named() if what.kind == "none" else what for what in named_all([(name, "", "") for name in names])]
+    kinds = [replace(what, side=what.side or _side_of(pattern, index, kinds)) for index, what in enumerate(kinds)]
     is_back = [bool(re.search(_BACK, plain(re.sub(r"[\W\d_]+", " ", name)))) for name in names]
     is_back = [
         own or kinds[index].kind.endswith("back") or _is_behind(pattern, index, kinds)
@@ -117,6 +118,23 @@ def _laid(pattern: Pattern, figure: Figure, behind: bool, led: bool) -> _Laid | 
     made = replace(pattern, panels=tuple(laid), stitches=told)
     apart = _apart(made, {*halves})
     return _Laid(made, apart) if np.isfinite(apart) else None
+
+
+def _side_of(pattern: Pattern, index: int, kinds: Sequence[Named]) -> int:
+    """On which side of a front a sleeve is sewn: at +x on the wearer's left; BOTH: of none, or not to be told."""
+    if kinds[index].kind != "sleeve":
+        return BOTH
+    found = set()
+    for stitch in pattern.stitches:
+        for mine, theirs in (stitch.sides, stitch.sides[::-1]):
+            what = kinds[theirs.panel]
+            if mine.panel == index and what.kind == "front" and not what.side:
+                panel = pattern.panels[theirs.panel]
+                ends = np.array([point for edge in panel.edges for point in (edge.curve.start, edge.curve.end)])
+                curve = panel.edges[theirs.edge].curve
+                aside = float(0.5 * (curve.start[0] + curve.end[0]) - 0.5 * (ends[:, 0].min() + ends[:, 0].max()))
+                found.add(LEFT if aside > 0.0 else RIGHT)
+    return found.pop() if len(found) == 1 else BOTH
 
 
 def _is_behind(pattern: Pattern, index: int, kinds: Sequence[Named]) -> bool:
