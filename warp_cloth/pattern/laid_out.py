@@ -32,6 +32,7 @@ KNOWN = 0.9  # of the cloth's area, that is to be of kinds which are known, and 
 LED = 0.6  # the same, where the rest lies as its seams lead
 SEAMS_TELL = 1.5  # times as far apart, as which seams count where they lead sleeves, against names
 SURELY = 1.05  # over how far ends are the other way, from which a panel is not what it is taken for
+SHARED = 0.5  # of the smaller one's box, that two panels share which lie on each other
 FACES = ("front", "back")
 SLEEVES = ("sleeve", "under_sleeve", "cuff", "")
 _BACK = dict(WORDS)["back"]
@@ -46,13 +47,23 @@ class _Laid:
 
 
 def laid_round(pattern: Pattern, figure: Figure | None) -> Pattern:
-    """A pattern that places no panel, laid round a figure (None: a usual one); as it is where names do not tell how."""
+    """A pattern that places no panel, laid round a figure (None: a usual one); as it is where names do not tell how.
+
+    Raises:
+        InputError: they do not tell, there is a person to wear it, and panels lie on those that they are sewn to.
+    """
     figure = figure or figure_of(None)
     ways: list[tuple[float, _Laid]] = []
     for led, weight in ((False, 1.0), (True, SEAMS_TELL)):
         found = [laid for behind in (False, True) if (laid := _laid(pattern, figure, behind, led)) is not None]
         ways += [(weight * laid.apart, laid) for laid in found]
     if not ways:
+        if not figure.is_nominal and _lie_on_each_other(pattern):
+            pattern.refuse(
+                "",
+                "places no panel, and neither names nor seams tell where they lie on the body",
+                "state translation and rotation of each panel, or name them: front, back, left_sleeve, skirt_back, ...",
+            )
         return pattern
     _, best = min(ways, key=lambda way: way[0])  # the first of equal ones
     nobody = "; no person is there: a figure of 1.70 m" if figure.is_nominal else ""
@@ -118,6 +129,21 @@ def _laid(pattern: Pattern, figure: Figure, behind: bool, led: bool) -> _Laid | 
     made = replace(pattern, panels=tuple(laid), stitches=told)
     apart = _apart(made, {*halves})
     return _Laid(made, apart) if np.isfinite(apart) else None
+
+
+def _lie_on_each_other(pattern: Pattern) -> bool:
+    """Whether two panels that are sewn to each other are drawn at one place, so that they could not be worn so."""
+    boxes = []
+    for panel in pattern.panels:
+        points = panel.placed(np.concatenate([edge.curve.at(np.linspace(0.0, 1.0, 9)) for edge in panel.edges]))
+        boxes.append((points[:, :2].min(axis=0), points[:, :2].max(axis=0)))
+    for stitch in pattern.stitches:
+        (low, high), (its_low, its_high) = (boxes[side.panel] for side in stitch.sides)
+        shared = np.prod(np.maximum(np.minimum(high, its_high) - np.maximum(low, its_low), 0.0))
+        least = min(np.prod(high - low), np.prod(its_high - its_low))
+        if len({side.panel for side in stitch.sides}) > 1 and shared > SHARED * least:
+            return True
+    return False
 
 
 def _side_of(pattern: Pattern, index: int, kinds: Sequence[Named]) -> int:
