@@ -121,6 +121,6 @@ def test_levels_rise_where_the_one_that_is_asked_for_is_an_end() -> None:
 
 
 def test_a_back_that_has_no_sides_below_its_yoke_has_no_roles_there() -> None:
-    corners = np.array([(0.0, 0.0), (0.3, 0.0), (0.15, 0.1), (0.0, 0.0)])
-    shape = Shape(tuple(Chain(corners[k : k + 2]) for k in range(3)), np.array([0.0, 1.0]))
+    corners = np.array([(0.0, 0.0), (0.3, 0.0), (0.2, 0.05), (0.0, 0.4), (0.0, 0.0)])
+    shape = Shape(tuple(Chain(corners[k : k + 2]) for k in range(4)), np.array([0.0, 1.0]))
     assert yoked_back_roles(shape, True) == {}
