@@ -13,10 +13,12 @@ from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
 from warp_cloth.pattern.chain import Chain
+from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.dxf_drawn import Drawn
 from warp_cloth.pattern.kinds import LEFT, RIGHT, SIDE_PANEL, named, named_all
 from warp_cloth.pattern.labels import copies_of, name_of
-from warp_cloth.pattern.panel_roles import legged_roles
+from warp_cloth.pattern.levels import spans
+from warp_cloth.pattern.panel_roles import legged_roles, yoked_back_roles
 from warp_cloth.pattern.roles import Shape
 
 OPENINGS = {"kimono": 4, "gusset": 4, "hood of three": 4, "tapered strip": 4, "waistband in two": 2, "romper": 5}
@@ -105,3 +107,20 @@ def test_an_underarm_beside_a_straight_centre_is_no_fork() -> None:
     assert legged_roles(Shape(tuple(Chain(np.array(edge)) for edge in edges), np.array([0.0, 1.0]))) == {}
     front = [[(x / 100, y / 100) for x, y in edge] for edge in romper()[0].edges]
     assert "inseam" in legged_roles(Shape(tuple(Chain(np.array(edge)) for edge in front), np.array([0.0, 1.0])))
+
+
+def test_levels_rise_where_the_one_that_is_asked_for_is_an_end() -> None:
+    """As that of an underarm at the very top of a sleeve: what lies between two at one height would be nowhere."""
+    corners = np.array([(0.0, 0.0), (0.2, 0.0), (0.2, 0.4), (0.0, 0.4), (0.0, 0.0)])
+    edges = tuple(Chain(corners[k : k + 2]) for k in range(4))
+    part = Part("A", edges, (0, 1, 2, 3), None, np.zeros((0, 2)), (), "", 0, np.array([0.0, 1.0]), {}, 1.0)
+    for at in (0.0, 0.4, 0.25, None):
+        levels = spans(part, at)[0]
+        assert (np.diff(levels) > 0.0).all()
+        assert at is None or np.abs(levels - at).min() == 0.0
+
+
+def test_a_back_that_has_no_sides_below_its_yoke_has_no_roles_there() -> None:
+    corners = np.array([(0.0, 0.0), (0.3, 0.0), (0.2, 0.05), (0.0, 0.4), (0.0, 0.0)])
+    shape = Shape(tuple(Chain(corners[k : k + 2]) for k in range(4)), np.array([0.0, 1.0]))
+    assert yoked_back_roles(shape, True) == {}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import warp_cloth
-from warp_cloth.base.mesh import Points
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.falling import falling
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import load_outfit
@@ -22,19 +22,27 @@ def square(**keys: Any) -> Garment:
     return load_outfit(load_scene({"garment": {"shape": SQUARE, **keys}})).garments[0]
 
 
-def body() -> Points:
+def body() -> Mesh:
     avatar = load_outfit(load_scene({"garment": {"shape": SQUARE}, "avatar": BALL})).avatar
     assert avatar is not None
-    return avatar.points
+    return avatar
 
 
 def test_cloth_falls_where_nothing_is_below_it() -> None:
     cloth, ball = square(), body()
-    reach = float(np.ptp(ball[:, 0])) / 2 + 0.15
+    reach = float(np.ptp(ball.points[:, 0])) / 2 + 0.15
     for aside, down, falls in ((0.0, 0.0, False), (reach - 0.05, 0.0, False), (reach + 0.2, 0.0, True), (0, 5, True)):
         assert falling([cloth], cloth.points + np.array([aside, -down, 0.0]), ball).tolist() == [falls] * 25
     assert falling([cloth], cloth.points, None).all()
     assert not falling([square(pin={"vertices": [0]})], cloth.points, None).any()
+
+
+def test_a_table_of_two_triangles_catches_cloth() -> None:
+    corners = np.array([[-2.0, 0.7, -2.0], [2.0, 0.7, -2.0], [2.0, 0.7, 2.0], [-2.0, 0.7, 2.0]])
+    table = Mesh("table", corners, np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32))
+    cloth = square()
+    for aside, falls in ((0.0, False), (1.2, False), (3.0, True)):
+        assert falling([cloth], cloth.points + np.array([aside, 0.0, 0.0]), table).all() == falls
 
 
 def test_an_open_seam_may_pull_cloth_onto_the_body() -> None:

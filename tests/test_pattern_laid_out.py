@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 from test_pattern import panel, specification, topology
 
+from warp_cloth.base.errors import InputError
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.pattern import load_pattern, may_be_laid_round
+from warp_cloth.scene import load_scene
 
 EDGE = 0.02  # [m]
 CORNERS = [[-26, 0], [26, 0], [26, 44], [21, 66], [8, 70], [-8, 70], [-21, 66], [-26, 44]]
@@ -124,11 +127,36 @@ def test_sleeves_of_halves_are_laid_round_the_arms(named: str, tmp_path: Path) -
         assert middles[named.format(side, "f")][2] > middles[named.format(side, "b")][2] + 0.02
 
 
+def test_sleeves_are_on_the_side_where_they_are_sewn(tmp_path: Path) -> None:
+    """Names that do not say which is left ("manche_g") need not."""
+    sleeve = panel([[-13, 0], [13, 0], [18, 32], [0, 44], [-18, 32]])
+    panels = {"devant": top(0.5), "dos": top(0.15), "manche_d": sleeve, "manche_g": sleeve}
+    stitches = [("devant", a, "dos", a) for a in (*SIDES, *SHOULDERS)]
+    stitches += [(name, 1, name, 4) for name in ("manche_d", "manche_g")]
+    stitches += [("manche_g", 3, "devant", 2), ("manche_g", 2, "dos", 2)]
+    stitches += [("manche_d", 2, "devant", 6), ("manche_d", 3, "dos", 6)]
+    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
+    assert topology(mesh) == (4, -2)
+    right, left = (mesh.points[np.unique(mesh.triangles[mesh.panels == k]), 0] for k in (2, 3))
+    assert left.min() > 0.05 > -0.05 > right.max()
+
+
 def test_what_names_do_not_tell_starts_as_it_is_drawn(tmp_path: Path) -> None:
     panels = {"a": panel([[0, 0], [30, 0], [30, 30], [0, 30]]), "b": panel([[0, 0], [30, 0], [30, 30], [0, 30]])}
     mesh = load_pattern(written(tmp_path / "a_specification.json", panels, [("a", 1, "b", 3)]), edge=EDGE)
     assert not any("laid round" in note for note in mesh.notes)
     assert np.ptp(mesh.points[:, 2]) == 0.0
+
+
+def test_what_lies_on_each_other_is_refused_where_a_person_would_wear_it(tmp_path: Path) -> None:
+    """It would be sewn beside the body, and never rest."""
+    panels = {"p0": top(0.5), "p1": top(0.15), "p2": panel([[0, 0], [30, 0], [30, 30], [0, 30]])}
+    stitches = [("p0", a, "p1", a) for a in (*SIDES, *SHOULDERS)] + [("p2", 1, "p0", 2), ("p2", 3, "p1", 2)]
+    path = written(tmp_path / "a_specification.json", panels, stitches)
+    with pytest.raises(InputError, match="neither names nor seams tell where they lie on the body; state translation"):
+        load_outfit(load_scene({"garment": {"pattern": str(path)}, "avatar": {"shape": {"kind": "mannequin"}}}))
+    beside = {name: {**each, "translation": [60.0 * k, 0, 0]} for k, (name, each) in enumerate(panels.items())}
+    assert load_pattern(written(path, beside, stitches), edge=EDGE).vertex_count
 
 
 def test_a_placed_specification_needs_no_body(tmp_path: Path) -> None:

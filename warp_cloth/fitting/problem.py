@@ -140,8 +140,7 @@ class Problem:
         found = []
         for item in items:
             outfit, own = self.outfits[item], points[self.model.of_item(item)]
-            body = None if outfit.avatar is None else outfit.avatar.points
-            if np.isfinite(own).all() and falling(outfit.garments, own, body).any():
+            if np.isfinite(own).all() and falling(outfit.garments, own, outfit.avatar).any():
                 found.append(item)
         return found
 

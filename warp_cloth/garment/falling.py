@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
-from warp_cloth.base.mesh import Points
+from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.garment.garment import Garment
 
 CAUGHT = 0.02  # [m]; what comes so near to a body beside it may be caught
@@ -16,21 +16,21 @@ REGION = 4.0  # [m] beyond the middle of the plan; what is farther counts as the
 SEWN = 1.5  # length of an edge over its rest length, from which a seam is open, and may pull the piece elsewhere
 
 
-def falling(garments: Sequence[Garment], points: Points, body: Points | None) -> NDArray[np.bool_]:
+def falling(garments: Sequence[Garment], points: Points, body: Mesh | None) -> NDArray[np.bool_]:
     """Which vertices are of pieces that nothing can catch, y up, shape [V].
 
     A piece is what edges connect. Cells of a plan catch a piece, if anything of the body, or of other pieces, in them
-    or next to them is below its highest point there. A pinned piece does not fall, nor is one told to whose seams are
-    still open.
+    or next to them is below its highest point there; a large triangle of the body counts in all cells of its box. A
+    pinned piece does not fall, nor is one told to whose seams are still open.
 
     Args:
         garments: in their order.
         points: of their vertices now [m], all finite, shape [V, 3].
-        body: vertices of the avatar [m], shape [A, 3]; None: there is none.
+        body: the avatar; None: there is none.
     """
     piece, held, longest = _pieces(garments, points)
     cell = CAUGHT + longest
-    plan = points[:, [0, 2]] if body is None else np.concatenate([points[:, [0, 2]], body[:, [0, 2]]])
+    plan = points[:, [0, 2]] if body is None else np.concatenate([points[:, [0, 2]], body.points[:, [0, 2]]])
     middle = np.median(plan, axis=0)
     plan = np.clip(plan, middle - REGION, middle + REGION)
     columns = np.floor((plan - plan.min(axis=0)) / cell).astype(np.int64) + 1
@@ -39,13 +39,18 @@ def falling(garments: Sequence[Garment], points: Points, body: Points | None) ->
     cloth = where[: len(points)]
     under = np.full(shape, np.inf)
     if body is not None:
-        np.minimum.at(under.reshape(-1), where[len(points) :], body[:, 1])
+        np.minimum.at(under.reshape(-1), where[len(points) :], body.points[:, 1])
+        corners, lowest = columns[len(points) :][body.triangles], body.points[body.triangles, 1].min(axis=1)
+        first, last = corners.min(axis=1), corners.max(axis=1) + 1
+        for k in np.flatnonzero((last - first > 2).any(axis=1)).tolist():  # no corner of it may be in a cell between
+            own = under[first[k, 0] : last[k, 0], first[k, 1] : last[k, 1]]
+            np.minimum(own, lowest[k], out=own)
     falls = np.zeros(len(points), dtype=np.bool_)
     for number in np.unique(piece[~held]):
-        own = piece == number
-        lowest = under.copy()
-        np.minimum.at(lowest.reshape(-1), cloth[~own], points[~own, 1])
-        falls |= own & ~(_around(lowest).reshape(-1)[cloth[own]] < points[own, 1] + CAUGHT).any()
+        mine = piece == number
+        below = under.copy()
+        np.minimum.at(below.reshape(-1), cloth[~mine], points[~mine, 1])
+        falls |= mine & ~(_around(below).reshape(-1)[cloth[mine]] < points[mine, 1] + CAUGHT).any()
     return falls
 
 

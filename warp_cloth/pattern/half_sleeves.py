@@ -98,8 +98,6 @@ def _round_half_arm(part: Part, half: _Half, figure: Figure) -> Wrap:
     under = float(max((point for k in half.cap for point in (turned[k].start, turned[k].end)),
                       key=lambda point: inward * float(point[0]))[1])  # fmt: skip
     levels, least, most = spans(upright, under)
-    rising = np.diff(levels, prepend=-np.inf) > 0.0  # the underarm may be the topmost
-    levels, least, most = levels[rising], least[rising], most[rising]
     below = levels <= under
     at_armpit = max(int(below.sum()) - 1, 0)
     width = np.where(below, most - least, (most - least)[at_armpit])

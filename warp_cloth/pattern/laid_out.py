@@ -19,7 +19,7 @@ from warp_cloth.pattern.draft import STRIPS, Part, parts_as_drawn
 from warp_cloth.pattern.figure import Figure, figure_of
 from warp_cloth.pattern.half_sleeves import half_sleeves
 from warp_cloth.pattern.joints import Joint
-from warp_cloth.pattern.kinds import BOTH, Named, named_all, plain
+from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, Named, named_all, plain
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import halved
 from warp_cloth.pattern.placing import wraps_of
@@ -32,6 +32,7 @@ KNOWN = 0.9  # of the cloth's area, that is to be of kinds which are known, and 
 LED = 0.6  # the same, where the rest lies as its seams lead
 SEAMS_TELL = 1.5  # times as far apart, as which seams count where they lead sleeves, against names
 SURELY = 1.05  # over how far ends are the other way, from which a panel is not what it is taken for
+SHARED = 0.5  # of the smaller one's box, that two panels share which lie on each other
 FACES = ("front", "back")
 SLEEVES = ("sleeve", "under_sleeve", "cuff", "")
 _BACK = dict(WORDS)["back"]
@@ -46,13 +47,23 @@ class _Laid:
 
 
 def laid_round(pattern: Pattern, figure: Figure | None) -> Pattern:
-    """A pattern that places no panel, laid round a figure (None: a usual one); as it is where names do not tell how."""
+    """A pattern that places no panel, laid round a figure (None: a usual one); as it is where names do not tell how.
+
+    Raises:
+        InputError: they do not tell, there is a person to wear it, and panels lie on those that they are sewn to.
+    """
     figure = figure or figure_of(None)
     ways: list[tuple[float, _Laid]] = []
     for led, weight in ((False, 1.0), (True, SEAMS_TELL)):
         found = [laid for behind in (False, True) if (laid := _laid(pattern, figure, behind, led)) is not None]
         ways += [(weight * laid.apart, laid) for laid in found]
     if not ways:
+        if not figure.is_nominal and _lie_on_each_other(pattern):
+            pattern.refuse(
+                "",
+                "places no panel, and neither names nor seams tell where they lie on the body",
+                "state translation and rotation of each panel, or name them: front, back, left_sleeve, skirt_back, ...",
+            )
         return pattern
     _, best = min(ways, key=lambda way: way[0])  # the first of equal ones
     nobody = "; no person is there: a figure of 1.70 m" if figure.is_nominal else ""
@@ -69,6 +80,7 @@ def _laid(pattern: Pattern, figure: Figure, behind: bool, led: bool) -> _Laid | 
     """
     names = [panel.name for panel in pattern.panels]
     kinds = [Named() if what.kind == "none" else what for what in named_all([(name, "", "") for name in names])]
+    kinds = [replace(what, side=what.side or _side_of(pattern, index, kinds)) for index, what in enumerate(kinds)]
     is_back = [bool(re.search(_BACK, plain(re.sub(r"[\W\d_]+", " ", name)))) for name in names]
     is_back = [
         own or kinds[index].kind.endswith("back") or _is_behind(pattern, index, kinds)
@@ -117,6 +129,38 @@ def _laid(pattern: Pattern, figure: Figure, behind: bool, led: bool) -> _Laid | 
     made = replace(pattern, panels=tuple(laid), stitches=told)
     apart = _apart(made, {*halves})
     return _Laid(made, apart) if np.isfinite(apart) else None
+
+
+def _lie_on_each_other(pattern: Pattern) -> bool:
+    """Whether two panels that are sewn to each other are drawn at one place, so that they could not be worn so."""
+    boxes = []
+    for panel in pattern.panels:
+        points = panel.placed(np.concatenate([edge.curve.at(np.linspace(0.0, 1.0, 9)) for edge in panel.edges]))
+        boxes.append((points[:, :2].min(axis=0), points[:, :2].max(axis=0)))
+    for stitch in pattern.stitches:
+        (low, high), (its_low, its_high) = (boxes[side.panel] for side in stitch.sides)
+        shared = np.prod(np.maximum(np.minimum(high, its_high) - np.maximum(low, its_low), 0.0))
+        least = min(np.prod(high - low), np.prod(its_high - its_low))
+        if len({side.panel for side in stitch.sides}) > 1 and shared > SHARED * least:
+            return True
+    return False
+
+
+def _side_of(pattern: Pattern, index: int, kinds: Sequence[Named]) -> int:
+    """On which side of a front a sleeve is sewn: at +x on the wearer's left; BOTH: of none, or not to be told."""
+    if kinds[index].kind != "sleeve":
+        return BOTH
+    found = set()
+    for stitch in pattern.stitches:
+        for mine, theirs in (stitch.sides, stitch.sides[::-1]):
+            what = kinds[theirs.panel]
+            if mine.panel == index and what.kind == "front" and not what.side:
+                panel = pattern.panels[theirs.panel]
+                ends = np.array([point for edge in panel.edges for point in (edge.curve.start, edge.curve.end)])
+                curve = panel.edges[theirs.edge].curve
+                aside = float(0.5 * (curve.start[0] + curve.end[0]) - 0.5 * (ends[:, 0].min() + ends[:, 0].max()))
+                found.add(LEFT if aside > 0.0 else RIGHT)
+    return found.pop() if len(found) == 1 else BOTH
 
 
 def _is_behind(pattern: Pattern, index: int, kinds: Sequence[Named]) -> bool:

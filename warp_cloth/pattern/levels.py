@@ -16,7 +16,7 @@ def spans(part: Part, at: float | None = None) -> tuple[Floats, Floats, Floats]:
     points = np.concatenate([edge.at(np.linspace(0.0, 1.0, 129)) for edge in part.shape.turned])
     low, high = float(points[:, 1].min()), float(points[:, 1].max())
     levels = np.linspace(low, high, LEVELS)
-    if at is not None:
+    if at is not None and low < at < high:
         levels[1 + int(np.abs(levels[1:-1] - at).argmin())] = at
     near = np.abs(points[:, 1][None] - levels[:, None]) <= (high - low) / (LEVELS - 1)
     least = np.array([points[own, 0].min() for own in near])

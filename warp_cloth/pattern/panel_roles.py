@@ -98,6 +98,8 @@ def yoked_back_roles(shape: Shape, whole: bool) -> Roles:
     (hem_first, hem_end), (top_first, top_end) = ends_of(shape)
     roles: Roles = {"hem": shape.run(hem_first, hem_end), "top": shape.run(top_first, top_end)}
     for mark, path in (("+", shape.run(hem_end, top_first)), ("-", shape.run(top_end, hem_first))):
+        if not path:
+            return {}
         if not whole and all(shape.is_straight(k) for k in path):
             roles["centre"] = path
             continue

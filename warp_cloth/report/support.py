@@ -92,7 +92,7 @@ def _falls(judged: Judged) -> NDArray[np.bool_]:
     of = judged.of
     if of.outcome.status is Status.AT_REST or not np.isfinite(of.outcome.points).all():
         return np.zeros(len(judged.points), dtype=np.bool_)
-    return falling(of.outfit.garments, of.outcome.points, None if of.body is None else of.body.points)[judged.vertices]
+    return falling(of.outfit.garments, of.outcome.points, of.body)[judged.vertices]
 
 
 def slid_off(judged: Judged) -> FitProblem | None:
