@@ -12,7 +12,7 @@ from warp_cloth.fitting.problem import load_problem
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience, best_of
 from warp_cloth.model.first_attempt import MOST_ITERATIONS, first_attempt
-from warp_cloth.model.next_attempt import FEW_CROSSINGS, SLIDES, next_attempt
+from warp_cloth.model.next_attempt import FEW_CROSSINGS, SLIDES, _padded_at_last, next_attempt
 from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
 
@@ -311,6 +311,21 @@ def test_the_body_stays_padded_where_it_showed_through() -> None:
     assert (decisions(levels), levels.paddings) == (("multilevel", False, 0), 1)
     untangled = following(posed, Ended(levels, REST, 9, VERTICES))
     assert (untangled.begins_after, untangled.paddings) == (1, 1)
+
+
+@pytest.mark.parametrize(("spoilt", "is_padded"), [({}, True), ({"torn": 3}, False), ({"sunk": True}, False)])
+def test_what_rests_best_but_for_a_toe_that_shows_is_padded_once_all_else_is_tried(
+    spoilt: dict[str, Any], is_padded: bool
+) -> None:
+    """A long skirt on whose front the toes stand out, so that the leg's curve pierces it."""
+    shirt = {"shape": {"kind": "tshirt", "edge_mm": 50}}
+    sewn = first({"garment": shirt, "avatar": {"shape": {"kind": "mannequin"}}})
+    shown = Ended(sewn, REST, 0, VERTICES, misplaced=True, shown=True, **spoilt)
+    posed = Ended(replace(sewn, posed=True), REST, 4, VERTICES, misplaced=True, shown=True, torn=9)
+    last = _padded_at_last([shown, posed])
+    assert (last is not None and (last.paddings, last.begins_after) == (1, 0)) == is_padded
+    if last is not None:  # and no more than once from there
+        assert _padded_at_last([shown, posed, Ended(last, LIMIT, 9, VERTICES, shown=True)]) is None
 
 
 @pytest.mark.parametrize(("forward", "posed"), [(0.0, False), (0.05, False), (0.5, True)])

@@ -13,6 +13,7 @@ from test_pattern import BACK, FRONT, panel, square, stitch_of, topology
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.pattern import load_pattern
+from warp_cloth.pattern.garmentcode import read_specification
 from warp_cloth.scene import load_scene
 
 Spoil = Callable[[dict[str, Any]], None]
@@ -153,6 +154,26 @@ def test_an_edge_without_length_is_dropped_and_told(tmp_path: Path) -> None:
     mesh = loaded(tree, tmp_path)
     assert topology(mesh) == (2, 0)
     assert mesh.notes == ('panel "front", edge 4 has no length (under 0.01 mm): dropped',)
+
+
+@pytest.mark.parametrize("gap", [0.03, 0.2])
+def test_a_short_edge_that_is_not_sewn_is_dropped_and_the_seams_keep_their_lengths(tmp_path: Path, gap: float) -> None:
+    """The side seams of a skirt that end 0.3 mm above its hem."""
+    tree = tube()
+    front = panel([[0, 0], [30, 0], [30, gap], [30, 30], [0, 30], [0, gap]], translation=[0, 0, 10])
+    tree["pattern"]["panels"]["front"] = front
+    tree["pattern"]["stitches"] = []
+    sew(("front", 2, "back", 2), ("front", 4, "back", 0))(tree)
+    path = tmp_path / "skirt_specification.json"
+    path.write_text(json.dumps(tree))
+    pattern = read_specification(str(path), path.read_bytes())
+    front_side = pattern.panels[0].edges[pattern.stitches[0].sides[0].edge].curve
+    assert front_side.length == pytest.approx(0.3 - 0.01 * gap)
+    assert len(pattern.panels[0].edges) == (4 if gap < 0.1 else 6)
+    mesh = load_pattern(path, edge=0.03)
+    assert topology(mesh) == (2, 0)
+    told = [f'panel "front", edge {edge} is 0.3 mm long and not sewn: dropped' for edge in (1, 5)]
+    assert list(mesh.notes) == (told if gap < 0.1 else [])
 
 
 def test_an_edge_without_length_that_is_sewn_is_refused(tmp_path: Path) -> None:

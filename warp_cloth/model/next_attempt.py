@@ -77,6 +77,7 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
         or _thinned(history, outfit)
         or _last_resort(history, outfit)
         or _thinned(history, outfit, torn=True)
+        or _padded_at_last(history)
     )
 
 
@@ -317,6 +318,17 @@ def _padded(ended: Ended, number: int) -> Attempt:
     """The same attempt, from where it ended, with the avatar padded where it shows through."""
     before = _settling(ended.attempt)
     return _with_paddings(replace(before, begins_after=number, posed=False, thins=False), before.paddings + 1)
+
+
+def _padded_at_last(history: Sequence[Ended]) -> Attempt | None:
+    """The best attempt with the avatar padded, where it rests whole but for what it shows through, as of a toe."""
+    number = best_of(history)
+    best = history[number]
+    rests = best.status is Status.AT_REST and best.apart and not (best.torn or best.sunk or best.slipped)
+    paddings = best.attempt.paddings
+    may_pad = _may_pad(best.attempt.stated) and paddings < MOST_PADDINGS
+    is_over = any(each.attempt.begins_after == number and each.attempt.paddings > paddings for each in history)
+    return _padded(best, number) if rests and best.shown and may_pad and not is_over else None
 
 
 def _with_paddings(attempt: Attempt, paddings: int) -> Attempt:

@@ -20,6 +20,7 @@ import numpy as np
 from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.curve import Curve, Floats, arc, from_edge_frame
 from warp_cloth.pattern.edge_loops import Ends, loops_of
+from warp_cloth.pattern.short_edges import without_short_edges
 from warp_cloth.pattern.specification import (
     LARGEST,
     MOST_EDGES,
@@ -116,7 +117,8 @@ class _Reader:
             labels.append(labels_of(panel))
         reader = StitchReader(self, panels, edge_places, labels)
         stitches = reader.stitches(pattern.get("stitches"))
-        return Pattern(self.file, tuple(self._with_darts(panels, reader.legs)), stitches, tuple(self.notes))
+        read = Pattern(self.file, tuple(self._with_darts(panels, reader.legs)), stitches, tuple(self.notes))
+        return without_short_edges(read)
 
     def _with_darts(self, panels: Sequence[Panel], legs: Sequence[Legs]) -> list[Panel]:
         """The panels, their holes darts where stitches fold them about two of their corners."""
