@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from warp_cloth.avatar.exact import signed_distances
 from warp_cloth.avatar.padding import FADED, SPARE, WHOLE, padded
 from warp_cloth.avatar.penetration import VISIBLE, Overlap, edge_places, face_places, may_show, pierced, shown
 from warp_cloth.model.result import Penetration
+from warp_cloth.report.body import finer_edge
 from warp_cloth.shapes import sphere
 
 BALL = sphere(radius=0.05, centre=(0.0, 0.0, 0.0), edge=0.01)
@@ -99,6 +102,13 @@ def test_where_the_offset_is_stated_cloth_too_coarse_for_the_body_says_so() -> N
     (problem,) = (problem for problem in worn.problems if problem.code is ProblemCode.SHOWN_THROUGH)
     assert "Divide these faces to edges of 15 mm" in problem.remedy
     assert not worn.worn
+
+
+@pytest.mark.parametrize(("side", "told"), [(0.04, 15.0), (0.016, 8.0), (0.0, 1.0)])
+def test_faces_that_the_body_shows_through_are_to_have_usual_edges_or_half_their_own(side: float, told: float) -> None:
+    points = side * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.75**0.5, 0.0]])
+    judged: Any = SimpleNamespace(points=points, garment=SimpleNamespace(triangles=np.array([[0, 1, 2]])))
+    assert finer_edge(judged, np.zeros(1, dtype=np.int64)) == pytest.approx(told)
 
 
 def test_padding_moves_the_skin_near_what_shows_and_no_other() -> None:

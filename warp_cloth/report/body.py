@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warp_cloth.avatar.penetration import VISIBLE
 from warp_cloth.loading.raw import counted
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from warp_cloth.avatar.penetration import Overlap
 
 DEEP = 1.0  # [mm]; a third of the usual offset, and no more than float32 and the collider leave
+USUAL_EDGE = 15.0  # [mm]
 UNSEEN = 5.0  # [mm]; where a hundredth of the surface has a larger error, cloth rests on what is not there
 
 
@@ -76,11 +78,18 @@ def shown_through(judged: Judged, overlap: Overlap) -> FitProblem | None:
         ProblemCode.SHOWN_THROUGH,
         f'The body shows through {counted(len(faces), "large face")} of "{judged.name}" by up to '
         f"{short_number(depth, 2)} mm (limit {VISIBLE:g} mm).",
-        "Divide these faces to edges of 15 mm, or raise collision.offset_mm.",
+        f"Divide these faces to edges of {finer_edge(judged, faces):.0f} mm, or raise collision.offset_mm.",
         judged.name,
         {"faces": len(faces), "depth_mm": depth, "limit_mm": VISIBLE},
         faces=listed(faces),
     )
+
+
+def finer_edge(judged: Judged, faces: NDArray[np.int64]) -> float:
+    """Edges of which these faces are to be [mm]: as garments usually have, or half as long as theirs are."""
+    corners = judged.points[judged.garment.triangles[faces]]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    return min(USUAL_EDGE, max(500.0 * float(np.median(longest)), 1.0))
 
 
 def unseen_body(of: JudgedScene) -> FitProblem | None:
