@@ -83,7 +83,7 @@ class Ended:
     vertices: int  # of all garments
     torn: int = 0  # edges that are stretched as no worn cloth is
     misplaced: bool = False  # whether a limb is outside its opening, or cloth runs through one
-    caught: bool = False  # whether only the latter, at the rim of a limb: all limbs are in their openings
+    caught: bool = False  # whether all limbs are in their openings then, and only edges pass through the avatar
     sunk: bool = False  # whether a garment has slid down from the waist
     slipped: bool = False  # whether a garment has slipped off a shoulder
     shown: bool = False  # whether the avatar shows through faces whose corners are outside
@@ -96,14 +96,19 @@ class Ended:
         return wanted is False or (not self.crossings and (self.attempt.touches or wanted is not True))
 
     @property
+    def rests_apart(self) -> bool:
+        """Whether it is at rest and keeps out of cloth."""
+        return self.status is Status.AT_REST and self.apart
+
+    @property
     def ended_placed(self) -> bool:
         """Whether it is at rest with every limb in its opening."""
-        return self.status is Status.AT_REST and self.apart and not self.misplaced
+        return self.rests_apart and not self.misplaced
 
     @property
     def hangs_in_openings(self) -> bool:
         """Whether it is at rest with every limb in its opening, though cloth may be caught on one."""
-        return self.ended_placed or (self.caught and replace(self, misplaced=False).ended_placed)
+        return self.rests_apart and (self.caught or not self.misplaced)
 
     @property
     def well(self) -> bool:
@@ -123,7 +128,7 @@ class Ended:
     @property
     def came_off(self) -> bool:
         """Whether it has slid down from the waist whole, and rests there: the limbs may be out of its openings then."""
-        return self.sunk and not self.torn and self.apart and self.status is Status.AT_REST
+        return self.sunk and not self.torn and self.rests_apart
 
     @property
     def rank(self) -> tuple[bool, bool, bool, bool, bool, bool, bool, bool, int, int]:
@@ -131,13 +136,11 @@ class Ended:
 
         What came off tells more than the same on its way there, with the legs still in it.
         """
-        rests = self.status is Status.AT_REST
         finite = self.status is not Status.DIVERGED and not self.attempt.slides
         placed, held = not self.misplaced or self.came_off, not (self.sunk or self.slipped)
         covers = not self.shown or self.came_off
-        rested = self.apart and rests
-        crossed = -self.torn, -self.crossings
-        return finite, self.well, placed, placed or self.caught, held, covers, rested, self.apart, *crossed
+        worst = -self.torn, -self.crossings
+        return finite, self.well, placed, placed or self.caught, held, covers, self.rests_apart, self.apart, *worst
 
 
 def best_of(history: Sequence[Ended]) -> int:

@@ -321,10 +321,10 @@ def _padded(ended: Ended, number: int) -> Attempt:
 
 
 def _padded_at_last(history: Sequence[Ended]) -> Attempt | None:
-    """The best attempt with the avatar padded, where it rests whole but for what it shows through, as of a toe."""
+    """The best attempt with the avatar padded, where it rests whole and only shows the avatar, such as a toe."""
     number = best_of(history)
     best = history[number]
-    rests = best.status is Status.AT_REST and best.apart and not (best.torn or best.sunk or best.slipped)
+    rests = best.rests_apart and not (best.torn or best.sunk or best.slipped)
     paddings = best.attempt.paddings
     may_pad = _may_pad(best.attempt.stated) and paddings < MOST_PADDINGS
     is_over = any(each.attempt.begins_after == number and each.attempt.paddings > paddings for each in history)

@@ -13,14 +13,10 @@ from warp_cloth.pattern.dxf_drawn import CUT, SEW
 INCH = 0.0254
 # Metres in a unit of $INSUNITS
 CODES = {1: INCH, 2: 12 * INCH, 4: 1e-3, 5: 1e-2, 6: 1.0, 14: 0.1}
-TENTH_NAMES = ("0.1 mm", "0.1 inch", "0.01 inch")
 LIKELY = (0.12, 4.0)  # [m] extent of a garment's largest piece
 USUAL = 0.8  # [m], where several units are possible
-TENTHS = (
-    1e-4,
-    0.1 * INCH,
-    0.01 * INCH,
-)  # [m] units of plotters, taken where none is stated and no other one makes a garment
+# Units of plotters [m] and their names, taken where none is stated and no other one makes a garment
+TENTHS = {1e-4: "0.1 mm", 0.1 * INCH: "0.1 inch", 0.01 * INCH: "0.01 inch"}
 METRIC_MM = 180.0  # extent above which "metric" means millimetres: a coat in centimetres, a baby's in millimetres
 
 
@@ -58,6 +54,6 @@ def unit_of(file: str, drawing: Drawing) -> tuple[float, list[str]]:
         across = f"{extent:.4g} units"
         raise InputError(file, f"its largest piece is {across} across, which is no garment's size in any unit",
                          "export it in millimetres")  # fmt: skip
-    names = {1e-3: "mm", 1e-2: "cm", INCH: "inch", 1.0: "m"} | dict(zip(TENTHS, TENTH_NAMES, strict=True))
+    names = {1e-3: "mm", 1e-2: "cm", INCH: "inch", 1.0: "m"} | TENTHS
     why = "the stated unit would make no garment" if stated else "no unit is stated"
     return guess, [f"{why}: {names[guess]} assumed, as its largest piece is then {extent * guess:.2f} m"]

@@ -77,10 +77,9 @@ def _label(remarks: list[str]) -> str:
     telling = [line for line in words if named(line).kind]
     counted = [_without_count(line) for line in lines if line not in words]
     telling += [line for line in counted if named(line).kind not in ("", "none")]
+    # one line is all there is: the name and a count of one cloth
     if not telling and not words and len(lines) == 1 and len(re.findall(r"\d+", lines[0])) == 1:
-        return (
-            "" if counted[0] == lines[0] else counted[0]
-        )  # the only thing that is said of it, if by one number for one cloth
+        return "" if counted[0] == lines[0] else counted[0]
     return next(iter(telling or words), "")
 
 

@@ -81,12 +81,7 @@ def _laid(pattern: Pattern, figure: Figure, behind: bool, led: bool) -> _Laid | 
     names = [panel.name for panel in pattern.panels]
     kinds = [Named() if what.kind == "none" else what for what in named_all([(name, "", "") for name in names])]
     kinds = [replace(what, side=what.side or _side_of(pattern, index, kinds)) for index, what in enumerate(kinds)]
-    is_back = [bool(re.search(_BACK, plain(re.sub(r"[\W\d_]+", " ", name)))) for name in names]
-    is_back = [
-        own or kinds[index].kind.endswith("back") or _is_behind(pattern, index, kinds)
-        for index, own in enumerate(is_back)
-    ]
-    flips = [behind and own for own in is_back]
+    flips = [behind and _is_back(pattern, index, kinds) for index in range(len(names))]
     panels = [_outside(panel, flip) for panel, flip in zip(pattern.panels, flips, strict=True)]
     turned = [one is not other for one, other in zip(panels, pattern.panels, strict=True)]
     stitches = tuple(replace(stitch, sides=_renumbered(stitch, panels, turned)) for stitch in pattern.stitches)
@@ -161,6 +156,12 @@ def _side_of(pattern: Pattern, index: int, kinds: Sequence[Named]) -> int:
                 aside = float(0.5 * (curve.start[0] + curve.end[0]) - 0.5 * (ends[:, 0].min() + ends[:, 0].max()))
                 found.add(LEFT if aside > 0.0 else RIGHT)
     return found.pop() if len(found) == 1 else BOTH
+
+
+def _is_back(pattern: Pattern, index: int, kinds: Sequence[Named]) -> bool:
+    """Whether a panel is of the back, by its name or its seams."""
+    words = plain(re.sub(r"[\W\d_]+", " ", pattern.panels[index].name))
+    return bool(re.search(_BACK, words)) or kinds[index].kind.endswith("back") or _is_behind(pattern, index, kinds)
 
 
 def _is_behind(pattern: Pattern, index: int, kinds: Sequence[Named]) -> bool:

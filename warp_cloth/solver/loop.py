@@ -142,7 +142,7 @@ def relax_items(
         schedule: of contact of cloth with cloth; such a scene is a single item.
         crosses: tells which items' cloth passes through cloth, for goals that end there.
         astray: tells whether the cloth of a scene with contact is wound round a limb, where it stays tangled.
-        falls: tells of which items cloth falls that nothing can catch, where it comes down.
+        falls: tells which items' cloth falls where nothing can catch it, asked where it comes down.
         on_check: called with every measurement of all items, and the seconds so far.
         on_burst: called after every burst with its last iteration; positions are those of the last update_model.
         ahead: whether iterations run while a check is read; None: if that saves time. Must be off if more iterations
