@@ -385,6 +385,23 @@ def test_an_opening_that_is_stretched_all_around_is_too_small_and_no_open_seam(s
     assert "seam_open" in judge(scene, outfit, torn)
 
 
+def test_cloth_that_is_stretched_all_around_behind_its_opening_is_too_small_and_no_open_seam(
+    skirt: tuple[Any, Any],
+) -> None:
+    scene, outfit = skirt
+    points = outfit.garments[0].points.copy()
+    near = np.clip(1.0 - np.abs(points[:, 1] - 0.75) / 0.06, 0.0, 1.0)
+    points[:, [0, 2]] *= (1.0 + 0.8 * near)[:, None]
+    found = judge(scene, outfit, points)
+    assert "seam_open" not in found
+    problem = found["too_small"]
+    assert "its cloth 16 cm behind the opening for the right leg and left leg" in problem.message  # between two rows
+    assert problem.figures["worn_girth_mm"] == pytest.approx(1.7 * problem.figures["girth_mm"], rel=0.03)
+    points = outfit.garments[0].points.copy()
+    points[np.argmin(np.abs(points[:, 1] - 0.75))] *= [1.3, 1.0, 1.3]  # one vertex: nothing is tight all round
+    assert "seam_open" in judge(scene, outfit, points)
+
+
 @pytest.mark.parametrize(("strain", "code"), [(0.12, "too_small"), (0.06, "seam_open")])
 def test_a_tight_rim_of_which_one_edge_looks_torn_is_no_open_seam(
     skirt: tuple[Any, Any], strain: float, code: str

@@ -151,6 +151,16 @@ def test_one_sleeve_does_not_move_the_middle_of_a_garment(tshirt: Mesh, tmp_path
     assert {(ARMS[0],), (ARMS[1],), LEGS} <= set(wearing.limbs)
 
 
+def test_a_hem_that_flares_to_one_side_is_for_both_legs(tshirt: Mesh, tmp_path: Path) -> None:
+    (wearing,) = read(tmp_path, tshirt, lambda points: points).wearing
+    assert wearing is not None
+    flared, skeleton = wearing.start.copy(), wearing.skeleton
+    hem = next(opening.loop for opening, limbs in zip(wearing.openings, wearing.limbs, strict=True) if limbs == LEGS)
+    aside = (flared[hem] - skeleton.middle) @ skeleton.left
+    flared[hem] += 2.2 * np.maximum(aside, 0.0)[:, None] * skeleton.left
+    assert limbs_for(wearing.openings, flared, skeleton) == list(wearing.limbs)
+
+
 def test_a_body_in_inches_that_lies_down_stands_up_round_its_garment(tmp_path: Path, tshirt: Mesh) -> None:
     body = mannequin(SIZE_BODIES["M"])
     write_obj(tmp_path / "body.obj", body.points[:, [0, 2, 1]] * [1.0, -1.0, 1.0] / INCH, body.triangles)

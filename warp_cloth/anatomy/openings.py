@@ -15,6 +15,7 @@ from warp_cloth.base.topology import Topology
 NARROWEST = 0.09  # [m]; the girth of a child's cuff. A shorter loop is a buttonhole
 RINGS = 4  # of cloth behind an opening, where the cloth is a tube: a hand may end within a sleeve
 LATERAL = 0.045  # of the body's span, from its middle: an opening farther off is for one limb
+ACROSS = 0.2  # of an opening's width on the lesser side of the middle: a hem is no leg's, however far it flares
 HEM = 0.7  # girth of a hem over a sleeve's, at least; a keyhole is smaller
 PAIR = 0.95  # girth over the largest one's, of an opening that is its like on the other side
 TALL = 0.5  # of a garment's height, of an opening from its neck to its hem
@@ -100,8 +101,16 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
     # by both: one sleeve moves the middle, and a wide leg may be the largest opening
     aside = float(np.clip(middle, min(largest, 0.0), max(largest, 0.0)))
     if abs(aside) > BESIDE * skeleton.span:
-        across = across - aside
-    in_middle = [n for n in range(len(openings)) if abs(across[n]) <= LATERAL * skeleton.span]
+        across, sideways = across - aside, sideways - aside
+
+    def is_hem(number: int) -> bool:
+        """Whether an opening is the lowest one, round both legs, and has no like, as a wide trouser leg has."""
+        own = openings[number]
+        left, right = float(sideways[own.loop].max()), -float(sideways[own.loop].min())
+        has_like = any(PAIR * own.girth < other.girth < own.girth / PAIR for other in openings if other is not own)
+        return up[number] == up.min() and min(left, right) > ACROSS * (left + right) and not has_like
+
+    in_middle = [n for n in range(len(openings)) if abs(across[n]) <= LATERAL * skeleton.span or is_hem(n)]
     if _is_open_in_front(openings, points, skeleton, in_middle):
         return [OPEN if n in in_middle else ARMS[int(across[n] > 0.0) :][:1] for n in range(len(openings))]
     found: dict[int, Limbs] = {}

@@ -6,23 +6,19 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from warp_cloth.anatomy.openings import Limbs, Opening
-from warp_cloth.anatomy.skeleton import HEAD, LIMBS
 from warp_cloth.base.quantiles import quantiles
 from warp_cloth.loading.raw import counted
 from warp_cloth.material.strain import face_strains
 from warp_cloth.model.attempt import TORN
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
 from warp_cloth.report.judged import Judged, listed
+from warp_cloth.report.tight import TightRing, tight_problems, tight_rings
 
 WRONG_SCALE = 0.3  # strain of half the edges: the tightest of worn cloth has less
 # Largest stretch of a face, which few knits bear and no woven cloth does, and the part of the area that has more. Of 82
 # designs worn in the size that they were drafted in, one has 0.12 (21 % narrower than its body's hip), the others 0.08
 # at most; those that are stretched so when they are a fifth too small have 0.16 to 0.36.
 TIGHT, TIGHT_SHARE = 0.3, 0.1
-# Strain of an opening's whole edge, which no garment of its size has, and how far from it its cloth is drawn along [m].
-TIGHT_OPENING, AROUND = 0.3, 0.12
-TIGHT_RIM = 0.1  # the same where nothing but an edge itself looks torn: it is no seam that could be held open
 # Angle between the normals of neighbouring triangles, and the fraction of hinges folded so sharply: of these designs
 # 0.06 at most, in a silk skirt of many panels.
 SHARP, BUNCHED = np.radians(120.0), 0.1
@@ -32,10 +28,10 @@ PARTS = {"neck and shoulders": 0.82, "chest": 0.68, "waist": 0.57, "hip": 0.42, 
 
 def cloth_problems(judged: Judged) -> Iterator[FitProblem]:
     """Problems of a garment with its own cloth, and with other garments'."""
-    tight = tight_openings(judged)
+    tight = tight_rings(judged)
     found = wrong_scale(judged), too_small(judged), bunched_up(judged), seam_open(judged, tight), crossing(judged)
     yield from (problem for problem in found if problem is not None)
-    yield from (_too_tight(judged, *each) for each in tight)
+    yield from tight_problems(judged, tight)
 
 
 def wrong_scale(judged: Judged) -> FitProblem | None:
@@ -77,45 +73,6 @@ def too_small(judged: Judged) -> FitProblem | None:
     )
 
 
-def tight_openings(judged: Judged) -> list[tuple[Opening, Limbs, float]]:
-    """The openings around which edges look torn and are only tight, whom they are for, and their girths as worn [m]."""
-    wearing, torn = judged.of.outfit.wearing[judged.index], judged.edge_ends[judged.strains > TORN]
-    if wearing is None or not len(torn):
-        return []
-    found = []
-    for opening, limbs in zip(wearing.openings, wearing.limbs, strict=True):
-        loop = judged.points[opening.loop]
-        worn = float(np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum())
-        near = torn[opening.distances[torn].max(axis=1) <= AROUND]
-        is_rim = HEAD not in limbs and bool(np.isin(near, opening.loop).all())
-        if len(near) and worn > (1.0 + (TIGHT_RIM if is_rim else TIGHT_OPENING)) * opening.girth:
-            found.append((opening, limbs, worn))
-    return found
-
-
-def _too_tight(judged: Judged, opening: Opening, limbs: Limbs, worn: float) -> FitProblem:
-    girths = f"{100 * opening.girth:.0f} cm around, is stretched to {100 * worn:.0f} cm"
-    figures = {"girth_mm": 1e3 * opening.girth, "worn_girth_mm": 1e3 * worn, "limit": TIGHT_OPENING}
-    if HEAD in limbs:  # a neck is narrower than any neckline
-        return FitProblem(
-            ProblemCode.SLID_OFF,
-            f'"{judged.name}" has slid off the shoulders: its neckline, {girths}.',
-            "Use a larger size, or a body with its arms further from its sides.",
-            judged.name,
-            figures,
-            vertices=listed(opening.loop),
-        )
-    body = " and ".join(LIMBS[limb] for limb in limbs) or "body"
-    return FitProblem(
-        ProblemCode.TOO_SMALL,
-        f'"{judged.name}" is too small for the body: its opening for the {body}, {girths}.',
-        "Use a larger size or a softer fabric, or a smaller body.",
-        judged.name,
-        figures,
-        vertices=listed(opening.loop),
-    )
-
-
 def bunched_up(judged: Judged) -> FitProblem | None:
     """Cloth crumpled into sharp folds, as where it has gathered at a limb."""
     topology, points, triangles = judged.garment.rest.topology, judged.points, judged.garment.triangles
@@ -142,12 +99,12 @@ def bunched_up(judged: Judged) -> FitProblem | None:
     )
 
 
-def seam_open(judged: Judged, tight: Sequence[tuple[Opening, Limbs, float]] = ()) -> FitProblem | None:
-    """Edges still far longer than they are cut, but for those around openings that are too tight."""
+def seam_open(judged: Judged, tight: Sequence[TightRing] = ()) -> FitProblem | None:
+    """Edges still far longer than they are cut, but for those around rings that are too tight."""
     strains = judged.strains
     edges = np.flatnonzero(strains > TORN)
-    for opening, _, _ in tight:
-        edges = edges[opening.distances[judged.edge_ends[edges]].max(axis=1) > AROUND]
+    for ring in tight:
+        edges = edges[~ring.explains(judged.edge_ends[edges])]
     if not len(edges):
         return None
     ends, most = judged.edge_ends[edges], float(strains[edges].max())
