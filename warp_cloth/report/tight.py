@@ -101,7 +101,7 @@ def girths_behind(
     opening: Opening, levels: NDArray[np.float64], points: Points, sheet: Sheet
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Girths of the rings at these distances behind an opening [m], as cut and as worn [m], shape [levels] each."""
-    apart = np.arange(3 * len(sheet.triangles)).reshape(-1, 3)  # each triangle lies flat by itself
+    apart = np.arange(3 * len(sheet.triangles), dtype=np.int32).reshape(-1, 3)  # each triangle lies flat by itself
     flat = np.zeros((3 * len(sheet.triangles), 3))
     flat[:, :2] = sheet.flat.reshape(-1, 2)
     cut = level_lines(flat, apart, opening.distances[sheet.triangles].ravel(), levels)
