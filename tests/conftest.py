@@ -23,7 +23,7 @@ from warp_cloth.base.first_run import note_kernels
 # new ones, $WARP_CLOTH_FUZZ of them (100,000 unless it says otherwise) for each property.
 LONG_ENOUGH = 60_000  # [ms] of one example: what takes longer hangs
 _COMMON = {"deadline": LONG_ENOUGH, "suppress_health_check": list(HealthCheck), "print_blob": True}
-settings.register_profile("suite", max_examples=25, derandomize=True, database=None, **_COMMON)
+settings.register_profile("suite", max_examples=15, derandomize=True, database=None, **_COMMON)
 settings.register_profile("fuzz", max_examples=int(os.environ.get("WARP_CLOTH_FUZZ", "100000")), **_COMMON)
 settings.load_profile("suite")
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from dxf_patterns import GARMENTS, GRADES, STYLES, TRUE_SEAMS, Style, band, length, middle, raglan, tshirt, write
 from fuzzing import damaged, kept
-from hypothesis import given, settings
+from hypothesis import given
 from test_fuzz_patterns import holds_its_promise
 
 from warp_cloth.base.connected import connected_components
@@ -296,7 +296,6 @@ with TemporaryDirectory() as _place:
     ).read_bytes()
 
 
-@settings(max_examples=25, deadline=None)
 @given(damaged(SOUND))
 def test_a_damaged_file_is_sound_or_refused_in_one_line(content: bytes) -> None:
     with TemporaryDirectory() as folder:

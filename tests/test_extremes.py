@@ -77,6 +77,7 @@ def test_a_broken_promise_is_told(tmp_path: Path) -> None:
     assert [path.name for path in save_extremes([lost], tmp_path)] == ["extremes.csv"]
 
 
+@pytest.mark.long
 def test_the_script_runs_the_groups_that_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

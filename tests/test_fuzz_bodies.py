@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -128,7 +128,6 @@ def test_a_body_without_a_head_has_limbs() -> None:
     assert check(capsules(figure((43,), 1, head=False))).skeleton is not None
 
 
-@settings(max_examples=40)
 @given(data=st.data())
 def test_figures_of_any_bones(data: st.DataObject) -> None:
     length = st.floats(-0.9, 0.9)
@@ -187,7 +186,6 @@ def coarse_body() -> Mesh:
     return damaged(body(), "fuse", 0.2, np.random.default_rng(0))
 
 
-@settings(max_examples=30)
 @given(
     whole=st.sampled_from((doll, coarse_body)),
     damages=st.lists(st.tuples(st.sampled_from(DAMAGES), st.floats(0.0, 1.0)), min_size=1, max_size=3),

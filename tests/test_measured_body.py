@@ -28,7 +28,7 @@ def stated(seed: int) -> dict[str, float]:
 BELLY = {"stature": 1.74, "chest": 1.09, "waist": 0.99, "hip": 0.93}  # [m]; it is measured with the hips
 
 
-@pytest.mark.parametrize("wanted", [*map(stated, range(4)), BELLY])
+@pytest.mark.parametrize("wanted", [*map(stated, range(2)), BELLY])
 def test_stated_measures_are_read_again(wanted: dict[str, float]) -> None:
     person = understand(load_avatar(load_scene({"avatar": {"measures": wanted}, "garment": SQUARE})))
     found = {each.name: each.value for each in person.measures}
