@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from warp_cloth.fitting.problem import load_problem
+from warp_cloth.base.cache import Cache
+from warp_cloth.fitting.problem import usual_first_attempt
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience, best_of
 from warp_cloth.model.first_attempt import MOST_ITERATIONS, first_attempt
@@ -339,7 +340,8 @@ def test_what_moved_clear_of_the_body_would_be_off_its_limbs_is_sewn_round_the_p
         return [replace(outfit, garments=(move,))]
 
     monkeypatch.setattr("warp_cloth.fitting.problem.placed", moved)
-    assert load_problem(load_scene("tshirt", SMALL_SHIRT), "cpu").attempts[0].posed is posed
+    scene = load_scene("tshirt", SMALL_SHIRT)
+    assert usual_first_attempt(scene, load_outfit(scene), "cpu", Cache()).posed is posed
 
 
 @pytest.mark.parametrize(

@@ -18,9 +18,9 @@ from warp_cloth.base.threads import concatenate
 from warp_cloth.contact.garments import GarmentCrossings, model_crossings, worn_crossings
 from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.fitting.placement import LimbPlacement
-from warp_cloth.fitting.problem import Problem, build_problem, collider_updates
+from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, usual_first_attempt
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.model.attempt import TORN, Attempt, Ended, best_of
+from warp_cloth.model.attempt import TORN, Attempt, CutShort, Ended, best_of
 from warp_cloth.model.next_attempt import next_attempt
 from warp_cloth.model.result import AttemptRun, LevelRun, Status
 from warp_cloth.solver.certificate.strains import edge_strains
@@ -78,6 +78,7 @@ class Course:
     """An item's attempts, and the best of them."""
 
     runs: tuple[Run, ...]
+    trial: Run | None = None  # that came before, and is none of them
 
     @property
     def best(self) -> Run:
@@ -87,7 +88,11 @@ class Course:
     @property
     def seconds(self) -> float:
         """Of relaxing, in all attempts."""
-        return sum(run.outcome.seconds for run in self.runs)
+        return sum(run.outcome.seconds for run in self._all)
+
+    @property
+    def _all(self) -> tuple[Run, ...]:
+        return self.runs if self.trial is None else (self.trial, *self.runs)
 
     def summary(self) -> list[AttemptRun]:
         """The attempts, for the report."""
@@ -102,7 +107,7 @@ class Course:
                 start=run.attempt.start,
                 chosen=run is best,
             )
-            for run in self.runs
+            for run in self._all
         ]
 
 
@@ -117,12 +122,16 @@ def finished_runs(
     every_strain = edge_strains(model)
     strains = [every_strain[model.of_item(item, model.edge_start)] for item in range(len(outcomes))]
     position = model.state.position if model.state.position.dtype is wp.vec3d else None
-    exact = exact_colliders(problem.avatar_surfaces(), model.device)
-    overlaps = avatar_overlaps(problem.outfits, worn, strains, exact, position)
+    is_over = [_is_over(attempt, outcome) for attempt, outcome in zip(problem.attempts, outcomes, strict=True)]
+    overlaps: list[Overlap | None] = [None] * len(outcomes)
+    if not all(is_over):
+        exact = exact_colliders(problem.avatar_surfaces(), model.device)
+        exact = [None if over else each for over, each in zip(is_over, exact, strict=True)]
+        overlaps = avatar_overlaps(problem.outfits, worn, strains, exact, position)
 
     def placement_of(item: int) -> LimbPlacement:
         outfit, outcome = problem.loaded[item], outcomes[item]
-        if outcome.status is Status.DIVERGED:
+        if is_over[item] or outcome.status is Status.DIVERGED:
             return LimbPlacement(((),) * len(outfit.garments))
         return LimbPlacement.of(outfit, outcome.points)
 
@@ -141,6 +150,11 @@ def finished_runs(
         )
         for item, outcome in enumerate(outcomes)
     ]
+
+
+def _is_over(attempt: Attempt, outcome: Outcome) -> bool:
+    """Whether nothing more is asked of an attempt: a trial in which cloth crossed."""
+    return attempt.trial and outcome.cut_short is CutShort.CROSSING
 
 
 def end_crossings(problem: Problem, outcomes: Sequence[Outcome]) -> list[GarmentCrossings]:
@@ -164,10 +178,16 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         cache: what earlier problems left of the same garments and avatars.
         clock: of the stages.
     """
-    runs = [first]
-    outfit = first.problem.loaded[first.item]
-    while (attempt := next_attempt([run.ended for run in runs], outfit)) is not None:
-        device = first.problem.model.device
+    device, outfit = first.problem.model.device, first.problem.loaded[first.item]
+    trial = first if first.attempt.trial and not first.ended.good else None
+    runs = [first] if trial is None else []
+
+    def following() -> Attempt | None:
+        if not runs:
+            return usual_first_attempt(first.attempt.stated, outfit, device, cache)
+        return next_attempt([run.ended for run in runs], outfit)
+
+    while (attempt := following()) is not None:
         worn_by = outfit if attempt.begins_after is None else _worn_after(runs[attempt.begins_after], attempt.paddings)
         problem = build_problem([attempt], [worn_by], device, cache=cache, clock=clock)
         levels: tuple[LevelRun, ...] = ()
@@ -180,7 +200,7 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         clock.lap("relax")
         runs += finished_runs(problem, [outcome], [levels])
         clock.lap("measure")
-    return Course(tuple(runs))
+    return Course(tuple(runs), trial)
 
 
 def _worn_after(run: Run, paddings: int) -> Outfit:

@@ -29,7 +29,7 @@ from warp_cloth.garment.garment import terms_of
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import Attempt
-from warp_cloth.model.first_attempt import MOST_ITERATIONS, first_attempt, may_begin_posed, posed_first
+from warp_cloth.model.first_attempt import MOST_ITERATIONS, first_attempt, may_begin_posed, posed_first, trial_attempt
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.patches.on_device import CutOptions
 from warp_cloth.model.plan import contact_kind
@@ -122,6 +122,7 @@ class Problem:
                 limit_of(attempt.scene),
                 attempt.patience,
                 ends_crossing=attempt.ends_crossing,
+                sews=attempt.trial,
                 turn_after=attempt.turn_after,
             )
             for attempt in self.attempts
@@ -159,7 +160,7 @@ def problem_kind(scene: Scene, outfit: Outfit) -> tuple[Any, ...]:
     A scene with cloth contact has a kind of its own, because what it launches depends on how its garments lie. So has
     one whose avatar moves or is posed, and one of the multilevel method.
     """
-    attempt = first_attempt(scene, outfit)
+    attempt = trial_attempt(scene, outfit) or first_attempt(scene, outfit)
     decided, solver = attempt.scene, attempt.scene.solver
     contact = contact_kind(decided, outfit)
     is_alone = decided.collision.cloth or outfit.poses or attempt.posed or solver.method == "multilevel"
@@ -247,6 +248,12 @@ def build_problem(
 
 
 def _first_attempt(scene: Scene, outfit: Outfit, device: str, cache: Cache, *, may_pose: bool = True) -> Attempt:
+    """The first attempt, a trial where that may do."""
+    trial = trial_attempt(scene, outfit) if may_pose else None
+    return trial or usual_first_attempt(scene, outfit, device, cache, may_pose=may_pose)
+
+
+def usual_first_attempt(scene: Scene, outfit: Outfit, device: str, cache: Cache, *, may_pose: bool = True) -> Attempt:
     """The first attempt, with the avatar posed where garments moved clear of it would be round the wrong limbs."""
     attempt = first_attempt(scene, outfit, may_pose=may_pose)
     if attempt.posed or not attempt.touches or not (may_pose and may_begin_posed(scene, outfit)):

@@ -49,6 +49,7 @@ class Attempt:
     slides: int = 0  # which of SLIDES without friction over the avatar this is, from 1; 0: none
     thins: bool = False  # whether the avatar is thinned within what it begins after, which is untangled there
     lifted: bool = False  # whether a posed start moves what is sewn to where it started at once, not pulled on
+    trial: bool = False  # whether it sews without contact; unless it ends well, the others begin as if it had not been
 
     @property
     def touches(self) -> bool:

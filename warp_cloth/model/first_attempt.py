@@ -45,6 +45,22 @@ def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Att
     )
 
 
+def trial_attempt(scene: Scene, outfit: Outfit) -> Attempt | None:
+    """What is tried before the first attempt at a lone garment: to sew it without contact of cloth with cloth.
+
+    Where nothing crosses on the way, contact changes nothing, and costs more than half of the time: the shipped T-shirt
+    rests after 1,900 iterations in place of 3,700. Of 96 random designs all but eight cross in the first hundreds.
+    None: contact is stated or not needed, or the avatar moves within the garment.
+    """
+    if scene.collision.cloth != "auto" or len(outfit.garments) > 1 or not may_have_levels(scene):
+        return None
+    usual = first_attempt(scene, outfit)
+    if usual.posed or not usual.touches:
+        return None
+    why = "nothing crosses as it is sewn", "its iterations are the cheapest"
+    return replace(decided_attempt(scene, "accelerated", False, *why, None, last=False), trial=True)
+
+
 def may_begin_posed(scene: Scene, outfit: Outfit) -> bool:
     """Whether the first attempt may be with the avatar posed: within panels."""
     return all(garment.rest.source.kind == "uv" for garment in outfit.garments) and may_be_posed(scene, outfit)

@@ -21,7 +21,8 @@ class Goal:
     tolerance: Tolerance
     limit: int  # iterations
     patience: Patience = Patience.NONE  # with an item that comes no nearer to rest
-    ends_crossing: bool = False  # where its cloth passes through cloth, after CROSSING_CHECKS
+    ends_crossing: bool = False  # where its cloth passes through cloth, when that is looked for
+    sews: bool = False  # whether it begins as panels, which may cross at once
     # Iterations of a turn, after which the other kind of steps goes on where nothing crosses: after per-vertex steps if
     # cloth still falls, after implicit ones in any case. None: no turns.
     turn_after: int | None = None

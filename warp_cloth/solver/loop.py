@@ -43,6 +43,8 @@ FALL = 0.01  # [m]; the boxes of cloth that moved further since the last check a
 # Iterations after which items that pass through themselves end, where their goal says so, to be relaxed again with
 # contact. Not before most cloth that touches nothing is at rest, since a search takes as long as some 20 iterations.
 CROSSING_CHECKS = (2000, 8000)
+# Of panels that are sewn, which cross in the first hundreds if at all.
+SEWING_CHECKS = (100, 200, 400, 800, 1600, 3200)
 # Iterations after which what still crosses stays tangled. Random designs came apart 300 to 500 after being sewn; one
 # that the multilevel method had left with crossings, after more than 4,000.
 TANGLED = {Patience.NONE: math.inf, Patience.SHORT: 4000, Patience.LONG: 10_000}
@@ -248,7 +250,13 @@ class _Loop:
         return self._schedule is None or pending.measurement is None or not self._schedule.must_wait
 
     def _looks_for_crossings(self, iteration: int) -> bool:
-        return self._crosses is not None and iteration in CROSSING_CHECKS
+        return self._crosses is not None and bool(self._watched(iteration))
+
+    def _watched(self, iteration: int) -> list[int]:
+        """Active items that end here if they pass through themselves."""
+        goals = ((item, self._goals[item]) for item in self._active)
+        checks = {True: SEWING_CHECKS, False: CROSSING_CHECKS}
+        return [item for item, goal in goals if goal.ends_crossing and iteration in checks[goal.sews]]
 
     def _burst(self, pending: _Pending, reported: bool) -> int:
         """Iterations until something may have to be done; ``reported``: every burst is."""
@@ -328,7 +336,7 @@ class _Loop:
         found |= dict.fromkeys(self._turning(measured), CutShort.SLOW)
         found |= dict.fromkeys(self._falling_free(measured), CutShort.FALLING)
         if self._crosses is not None and self._looks_for_crossings(measured.iteration):
-            watched = [item for item in self._active if self._goals[item].ends_crossing and measured.finite[item]]
+            watched = [item for item in self._watched(measured.iteration) if measured.finite[item]]
             found |= dict.fromkeys(self._crosses(watched), CutShort.CROSSING)
         return found
 

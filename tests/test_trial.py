@@ -1,0 +1,60 @@
+"""A lone garment is first sewn without contact of cloth with cloth, which changes nothing where nothing crosses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import warp_cloth
+from warp_cloth.fitting.problem import Problem
+from warp_cloth.garment.outfit import load_outfit
+from warp_cloth.model.first_attempt import trial_attempt
+from warp_cloth.scene import load_scene
+
+SMALL_SHIRT = ["garment.shape.edge_mm=30"]
+
+
+def shirt(*changes: str) -> warp_cloth.Fit:
+    return warp_cloth.fit("tshirt", device="cpu", overrides=[*SMALL_SHIRT, *changes])
+
+
+def test_what_does_not_cross_is_the_same_as_without_contact() -> None:
+    tried, without = shirt(), shirt("collision.cloth=false")
+    assert [each["cloth_contact"] for each in tried.report["attempts"]] == [False]
+    assert tried.worn
+    assert np.array_equal(tried.garments[0].points, without.garments[0].points)
+    reason = next(each["reason"] for each in tried.report["choices"] if each["key"] == "collision.cloth")
+    assert reason == "nothing crosses as it is sewn"
+
+
+def test_what_crosses_begins_again_as_if_it_had_not_been_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Problem, "crossing_items", lambda self, items: list(items))
+    tried, contact = shirt(), shirt("collision.cloth=true")
+    first, *others = tried.report["attempts"]
+    assert (first["iterations"], first["cloth_contact"], first["chosen"]) == (100, False, False)
+    assert others == contact.report["attempts"]
+    assert np.array_equal(tried.garments[0].points, contact.garments[0].points)
+
+
+@pytest.mark.parametrize(
+    ("changes", "tried"),
+    [
+        ((), True),
+        (("collision.cloth=true",), False),
+        (("collision.cloth=false",), False),
+        (("solver.iterations=500",), False),  # as many as the scene wants, of one attempt
+        (("solver.method=multilevel",), False),
+        (("solver.start=dressed",), False),
+    ],
+)
+def test_what_the_scene_states_is_not_tried_otherwise(changes: tuple[str, ...], tried: bool) -> None:
+    scene = load_scene("tshirt", [*SMALL_SHIRT, *changes])
+    assert (trial_attempt(scene, load_outfit(scene)) is not None) == tried
+
+
+def test_layers_are_not_tried() -> None:
+    garment: dict[str, Any] = {"shape": {"kind": "tshirt", "edge_mm": 30}}
+    scene = load_scene({"garment": [garment, garment], "avatar": {"shape": {"kind": "mannequin"}}})
+    assert trial_attempt(scene, load_outfit(scene)) is None
