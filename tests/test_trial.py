@@ -1,4 +1,4 @@
-"""A lone garment is first sewn without contact of cloth with cloth, which changes nothing where nothing crosses."""
+"""A lone garment is first sewn without contact of cloth with cloth; what crosses then begins again with it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 import warp_cloth
+from warp_cloth.batch import fit_many
 from warp_cloth.fitting.problem import Problem
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.first_attempt import trial_attempt
 from warp_cloth.scene import load_scene
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import CALM
 
 SMALL_SHIRT = ["garment.shape.edge_mm=30"]
 
@@ -20,11 +23,10 @@ def shirt(*changes: str) -> warp_cloth.Fit:
     return warp_cloth.fit("tshirt", device="cpu", overrides=[*SMALL_SHIRT, *changes])
 
 
-def test_what_does_not_cross_is_the_same_as_without_contact() -> None:
-    tried, without = shirt(), shirt("collision.cloth=false")
+def test_what_does_not_cross_is_worn_without_contact() -> None:
+    tried = shirt()
     assert [each["cloth_contact"] for each in tried.report["attempts"]] == [False]
     assert tried.worn
-    assert np.array_equal(tried.garments[0].points, without.garments[0].points)
     reason = next(each["reason"] for each in tried.report["choices"] if each["key"] == "collision.cloth")
     assert reason == "nothing crosses as it is sewn"
 
@@ -36,6 +38,28 @@ def test_what_crosses_begins_again_as_if_it_had_not_been_tried(monkeypatch: pyte
     assert (first["iterations"], first["cloth_contact"], first["chosen"]) == (100, False, False)
     assert others == contact.report["attempts"]
     assert np.array_equal(tried.garments[0].points, contact.garments[0].points)
+
+
+def test_tried_in_company_they_have_the_bits_of_each_alone() -> None:
+    scenes = [load_scene("tshirt", [*SMALL_SHIRT, f"garment.fabric={fabric}"]) for fabric in ("cotton", "denim")]
+    for alone, together in zip(scenes, fit_many(scenes, "cpu", together=2), strict=True):
+        fit = warp_cloth.fit(alone, device="cpu")
+        assert fit.report["attempts"] == together.report["attempts"]
+        assert np.array_equal(fit.garments[0].points, together.garments[0].points)
+
+
+def test_momentum_is_held_back_while_panels_are_sewn(monkeypatch: pytest.MonkeyPatch) -> None:
+    held: list[float] = []
+
+    def set_momentum(self: Relaxation, momentum: float) -> None:
+        held.append(momentum)
+        kept(self, momentum)
+
+    kept = Relaxation.set_momentum
+    monkeypatch.setattr(Relaxation, "set_momentum", set_momentum)
+    shirt()
+    assert held[0] == CALM
+    assert held[1] == held[2] > CALM
 
 
 @pytest.mark.parametrize(

@@ -166,7 +166,7 @@ def problem_kind(scene: Scene, outfit: Outfit) -> tuple[Any, ...]:
     is_alone = decided.collision.cloth or outfit.poses or attempt.posed or solver.method == "multilevel"
     identity = id(scene) if is_alone else 0
     is_dressed = solver.start == "dressed"
-    return solver.method, is_dressed, solver.precision, contact, identity, terms_of(outfit.garments)
+    return solver.method, attempt.trial, is_dressed, solver.precision, contact, identity, terms_of(outfit.garments)
 
 
 def load_problem(

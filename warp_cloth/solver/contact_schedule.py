@@ -12,10 +12,8 @@ from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.contact.sheets import LAYER_LIFT
 from warp_cloth.garment.garment import Garment
 from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.step_options import CALM
 
-# Sewing and untangling need little momentum: drawn together with all of it, the panels of a T-shirt fold over and cross
-# in 5,000 places, with this in 200.
-CALM_MOMENTUM = 0.9
 MOST_SEWING = 1000  # iterations after which a seam that will not close is left as it is
 # The same where few edges are left, per vertex: the sharp tips of panels, whose edges of 1 mm close the most slowly.
 # Eight such tips (g11_039: 6 edges at 1,000 iterations, none at 1,400) stayed drawn out by 10 cm once contact began.
@@ -44,7 +42,7 @@ class ContactSchedule:
         self.tangled_for = 0  # iterations for which cloth has crossed since contact began; 0: nothing crosses
         if cloth_contact.layered:
             cloth_contact.lift(LAYER_LIFT)
-        self.hold_back(CALM_MOMENTUM)
+        self.hold_back(CALM)
 
     @property
     def calm(self) -> bool:
@@ -96,11 +94,7 @@ class ContactSchedule:
 
     def hold_back(self, momentum: float) -> None:
         """Holds momentum back to this until nothing crosses."""
-        self._set_momentum(min(momentum, self._momentum))
-
-    def _set_momentum(self, momentum: float) -> None:
-        self._relaxation.step.momentum = momentum
-        self._relaxation.drop_graphs()
+        self._relaxation.set_momentum(min(momentum, self._momentum))
 
     def advance(self, iteration: int) -> bool:
         """Takes the next stage when it is time; returns whether the present shape may be the rest shape.
@@ -153,7 +147,7 @@ class ContactSchedule:
         crossings = cloth_contact.crossings() if cloth_contact.untangles or iteration % CHECK_EVERY == 0 else 0
         self.tangled_for = since if cloth_contact.untangles and crossings > 0 else 0
         if self.calm and since > 0 and (not crossings or since >= MOST_UNTANGLING):
-            self._set_momentum(self._momentum)
+            self._relaxation.set_momentum(self._momentum)
             cloth_contact.lift(0.0)
             cloth_contact.layered = cloth_contact.layered and crossings > 0
             cloth_contact.untangles = crossings > 0  # what does not cross now never will

@@ -13,6 +13,13 @@ from warp_cloth.model.attempt import CutShort, Patience
 from warp_cloth.model.result import Status
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
 
+# Iterations after which items that pass through themselves end, where their goal says so, to be relaxed again with
+# contact. Not before most cloth that touches nothing is at rest, since a search takes as long as some 20 iterations.
+CROSSING_CHECKS = (2000, 8000)
+# The same of panels, once they are sewn: they mostly cross in the next hundreds, if at all.
+SEWN = 100
+SEWING_CHECKS = (SEWN, 200, 300, 400, 500, 700, 1000, 1500, 2000, 3000, 4000, 6000, 8000)
+
 
 @dataclass(frozen=True)
 class Goal:
@@ -22,10 +29,14 @@ class Goal:
     limit: int  # iterations
     patience: Patience = Patience.NONE  # with an item that comes no nearer to rest
     ends_crossing: bool = False  # where its cloth passes through cloth, when that is looked for
-    sews: bool = False  # whether it begins as panels, which may cross at once
+    sews: bool = False  # whether it sews panels without contact of cloth with cloth, calmly
     # Iterations of a turn, after which the other kind of steps goes on where nothing crosses: after per-vertex steps if
     # cloth still falls, after implicit ones in any case. None: no turns.
     turn_after: int | None = None
+
+    def looks_for_crossings(self, iteration: int) -> bool:
+        """Whether it ends after so many iterations if it passes through itself."""
+        return self.ends_crossing and iteration in (SEWING_CHECKS if self.sews else CROSSING_CHECKS)
 
 
 @dataclass

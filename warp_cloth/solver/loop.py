@@ -24,10 +24,11 @@ from warp_cloth.solver.certificate.certifier import (
 from warp_cloth.solver.certificate.summary import PendingFigures
 from warp_cloth.solver.contact_schedule import ContactSchedule
 from warp_cloth.solver.frame_recorder import FrameRecorder
-from warp_cloth.solver.goal import Goal, Outcome
+from warp_cloth.solver.goal import SEWN, Goal, Outcome
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.stall import StallWatch
+from warp_cloth.solver.step_options import CALM
 
 Boxes = Floats  # lowest and highest corner of some items [m], shape [N, 2, 3]
 # Given items and their boxes, new colliders for those that the old ones no longer cover.
@@ -40,11 +41,6 @@ BURSTS_PER_CHECK = 5  # the certificate costs about two iterations
 FALL = 0.01  # [m]; the boxes of cloth that moved further since the last check are measured after every burst
 
 
-# Iterations after which items that pass through themselves end, where their goal says so, to be relaxed again with
-# contact. Not before most cloth that touches nothing is at rest, since a search takes as long as some 20 iterations.
-CROSSING_CHECKS = (2000, 8000)
-# Of panels that are sewn, which cross in the first hundreds if at all.
-SEWING_CHECKS = (100, 200, 400, 800, 1600, 3200)
 # Iterations after which what still crosses stays tangled. Random designs came apart 300 to 500 after being sewn; one
 # that the multilevel method had left with crossings, after more than 4,000.
 TANGLED = {Patience.NONE: math.inf, Patience.SHORT: 4000, Patience.LONG: 10_000}
@@ -213,6 +209,9 @@ class _Loop:
     def run(self, on_burst: Callable[[int, Relaxation], None] | None) -> list[Outcome]:
         relaxation = self._relaxation
         relaxation.restart()
+        momentum, sews = float(relaxation.step.momentum), self._goals[0].sews  # as all do, or none
+        if sews:
+            relaxation.set_momentum(min(CALM, momentum))
         iteration = 0
         while True:
             pending = self._request(iteration)
@@ -221,6 +220,8 @@ class _Loop:
                 self._decide(pending)
             if not self._active:
                 break
+            if sews and iteration == SEWN:
+                relaxation.set_momentum(momentum)
             # every item stops at its own limit; others are not checked there
             burst = self._burst(pending, on_burst is not None)
             count = min(burst, min(self._goals[item].limit for item in self._active) - iteration)
@@ -234,6 +235,8 @@ class _Loop:
                 self._react()
             if not self._active:
                 break
+        if sews:
+            relaxation.set_momentum(momentum)
         relaxation.restart()  # so that later measurements are of all items
         points = relaxation.model.points()  # which stayed where their items ended
         for item, outcome in self._outcomes.items():
@@ -254,9 +257,7 @@ class _Loop:
 
     def _watched(self, iteration: int) -> list[int]:
         """Active items that end here if they pass through themselves."""
-        goals = ((item, self._goals[item]) for item in self._active)
-        checks = {True: SEWING_CHECKS, False: CROSSING_CHECKS}
-        return [item for item, goal in goals if goal.ends_crossing and iteration in checks[goal.sews]]
+        return [item for item in self._active if self._goals[item].looks_for_crossings(iteration)]
 
     def _burst(self, pending: _Pending, reported: bool) -> int:
         """Iterations until something may have to be done; ``reported``: every burst is."""

@@ -146,6 +146,11 @@ class Relaxation:
         """How many threads of the host iterate."""
         return 1 if self._together is None else self._together.count
 
+    def set_momentum(self, momentum: float) -> None:
+        """Changes the momentum of all iterations from now on."""
+        self.step.momentum = momentum
+        self.drop_graphs()
+
     def set_collider(self, item: int, collider: Collider) -> None:
         """Replaces an item's collider by another one of the same kind."""
         self.model.forget_clearance(item)
