@@ -18,7 +18,7 @@ from warp_cloth.solver.certificate.certifier import Check, Tolerance
 CROSSING_CHECKS = (2000, 8000)
 # The same of panels, once they are sewn: they mostly cross in the next hundreds, if at all.
 SEWN = 100
-SEWING_CHECKS = (SEWN, 200, 300, 400, 500, 700, 1000, 1500, 2000, 3000, 4000, 6000, 8000)
+SEWING_CHECKS = (SEWN, 200, 400, 800, 1600, 3200, 6400)
 
 
 @dataclass(frozen=True)
