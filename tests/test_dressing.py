@@ -11,6 +11,7 @@ from meshfiles import write_circle_skirt, write_panels
 from pxr import Usd, UsdGeom
 
 import warp_cloth
+from warp_cloth.anatomy.linking import curve_crossings
 from warp_cloth.anatomy.openings import ARMS, LEGS
 from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, TRUNK, Skeleton
 from warp_cloth.base.cache import Cache
@@ -102,6 +103,28 @@ def test_arms_leave_by_the_sleeves(tshirt: Outfit, skeleton: Skeleton) -> None:
     assert [limb for limb, route in enumerate(routes) if route is not None] == [RIGHT_ARM, LEFT_ARM]
     curves = curves_of(routes, skeleton, STATIONS)
     posed = replace(wearing, skeleton=replace(skeleton, curves=tuple(curves)))
+    assert not posed.misplaced(garment.points)
+    assert not posed.pierced(garment.points)
+
+
+def test_a_way_that_comes_in_at_the_end_of_a_sleeve_gives_way_to_one_that_leaves_there(
+    tshirt: Outfit, skeleton: Skeleton, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Though all of them touch cloth beside the arm, as where a shoulder is cut low."""
+    (wearing,), (garment,) = tshirt.wearing, tshirt.garments
+    assert wearing is not None
+
+    def through_the_hem(space: FreeSpace, start: np.ndarray, ends: list[np.ndarray]) -> list[np.ndarray]:
+        low = start - 0.9 * skeleton.up
+        return [np.linspace(a, b, 40) for end in ends for a, b in [(low + (end - start), end)]]
+
+    def crossings(points: np.ndarray, triangles: np.ndarray, curve: np.ndarray) -> int:
+        return 2 + curve_crossings(points, triangles, curve)
+
+    monkeypatch.setattr(FreeSpace, "paths", through_the_hem)
+    monkeypatch.setattr("warp_cloth.dressing.routes.curve_crossings", crossings)
+    routes = limb_routes(wearing, garment.points)
+    posed = replace(wearing, skeleton=replace(skeleton, curves=tuple(curves_of(routes, skeleton, STATIONS))))
     assert not posed.misplaced(garment.points)
     assert not posed.pierced(garment.points)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -61,12 +62,13 @@ def limb_routes(wearing: Wearing, points: Points) -> list[Route | None]:
             if limb in ARMS:
                 routes[limb] = _in_sleeve(limb, opening, wearing, points)
             if way is not None and routes[limb] is None:
-                routes[limb] = _through(way, limb, points[opening.loop], skeleton, space)
-                # out by the neck or an open front, a way round a narrow sleeve may come in at its end
-                if not _passes(routes[limb], limb, opening, wearing, points):
+                route = _through(way, limb, points[opening.loop], skeleton, space)
+                # out by the neck, the hem or an open front, a way round a narrow sleeve may come in at its end
+                fault = partial(_fault, limb=limb, opening=opening, wearing=wearing, points=points)
+                if any(fault(route)):
                     others = (Route(skeleton.curves[limb], 0.0), _straight(limb, opening, points, skeleton, space))
-                    passing = (each for each in others if _passes(each, limb, opening, wearing, points))
-                    routes[limb] = next(passing, routes[limb])
+                    route = min((route, *others), key=fault)
+                routes[limb] = route
     for arm in ARMS:
         if routes[arm] is None:
             routes[arm] = _raised(arm, skeleton, space)
@@ -87,17 +89,19 @@ def _in_sleeve(arm: int, opening: Opening, wearing: Wearing, points: Points) -> 
     if curve is None or _is_armhole(points[opening.loop], arm, skeleton):
         return None
     raised = Route(curve, 0.0, is_raised=True)
-    return raised if _passes(raised, arm, opening, wearing, points) else None
+    return None if any(_fault(raised, arm, opening, wearing, points)) else raised
 
 
-def _passes(route: Route | None, limb: int, opening: Opening, wearing: Wearing, points: Points) -> bool:
-    """Whether a limb passes through its opening by a route, and not through cloth."""
+def _fault(route: Route, limb: int, opening: Opening, wearing: Wearing, points: Points) -> tuple[bool, int]:
+    """Whether a limb misses its opening by a route or ends on the other side of cloth, and how often it crosses some.
+
+    What is crossed there and back lies beside the thin limb, as a low shoulder does.
+    """
     skeleton = wearing.skeleton
-    if route is None or curve_crossings(points, wearing.triangles, route.curve):
-        return False
     curves = tuple(route.curve if each == limb else curve for each, curve in enumerate(skeleton.curves))
-    moved = replace(skeleton, curves=curves)
-    return not misplaced_openings([opening], [(limb,)], points, wearing.triangles, moved)
+    misses = misplaced_openings([opening], [(limb,)], points, wearing.triangles, replace(skeleton, curves=curves))
+    crossings = curve_crossings(points, wearing.triangles, route.curve)
+    return bool(misses) or crossings % 2 > 0, crossings
 
 
 def _through(way: Points, limb: int, loop: Points, skeleton: Skeleton, space: FreeSpace) -> Route:

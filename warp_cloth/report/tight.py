@@ -35,6 +35,13 @@ class TightRing:
     cut: float  # its girth where it is tightest, as cut and as worn [m]
     worn: float
 
+    @property
+    def vertices(self) -> Indices:
+        """Where it is tightest."""
+        if not self.tightest > 0.0:
+            return self.opening.loop
+        return np.flatnonzero(np.abs(self.opening.distances - self.tightest) <= APART).astype(np.int32)
+
     def explains(self, edges: Indices) -> NDArray[np.bool_]:
         """Which edges, shape [E, 2], are stretched for this ring's sake."""
         distance = self.opening.distances[edges]
@@ -58,18 +65,16 @@ def tight_problems(judged: Judged, rings: Sequence[TightRing]) -> Iterator[FitPr
     """A neckline too narrow for the shoulders slides off them; what else is tight is too small."""
     for ring in rings:
         girths = f"{100 * ring.cut:.0f} cm around, is stretched to {100 * ring.worn:.0f} cm"
-        place = f", {100 * ring.tightest:.0f} cm behind it," if ring.tightest > 0.0 else ""
         if HEAD in ring.limbs:  # a neck is narrower than any neckline
             code, remedy = ProblemCode.SLID_OFF, "Use a larger size, or a body with its arms further from its sides."
             message = f'"{judged.name}" has slid off the shoulders: its neckline, {girths}.'
         else:
             code, remedy = ProblemCode.TOO_SMALL, "Use a larger size or a softer fabric, or a smaller body."
             body = " and ".join(LIMBS[limb] for limb in ring.limbs) or "body"
-            part = f"its cloth {100 * ring.tightest:.0f} cm behind the" if place else "its"
+            part = f"its cloth {100 * ring.tightest:.0f} cm behind the" if ring.tightest > 0.0 else "its"
             message = f'"{judged.name}" is too small for the body: {part} opening for the {body}, {girths}.'
         figures = {"girth_mm": 1e3 * ring.cut, "worn_girth_mm": 1e3 * ring.worn, "limit": TIGHT_RING}
-        near = np.flatnonzero(np.abs(ring.opening.distances - ring.tightest) <= APART) if place else ring.opening.loop
-        yield FitProblem(code, message, remedy, judged.name, figures, vertices=listed(near))
+        yield FitProblem(code, message, remedy, judged.name, figures, vertices=listed(ring.vertices))
 
 
 def _at_opening(judged: Judged, opening: Opening, limbs: Limbs, torn: Indices) -> TightRing | None:
@@ -77,7 +82,7 @@ def _at_opening(judged: Judged, opening: Opening, limbs: Limbs, torn: Indices) -
     worn = float(np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum())
     near = torn[opening.distances[torn].max(axis=1) <= AROUND]
     is_rim = HEAD not in limbs and bool(np.isin(near, opening.loop).all())
-    if not worn > (1.0 + (TIGHT_RIM if is_rim else TIGHT_RING)) * opening.girth:
+    if not len(near) or not worn > (1.0 + (TIGHT_RIM if is_rim else TIGHT_RING)) * opening.girth:
         return None
     return TightRing(opening, limbs, 0.0, 0.0, 0.0, opening.girth, worn)
 
