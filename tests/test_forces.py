@@ -169,8 +169,8 @@ def test_evenly_drawn_cloth_is_balanced_inside_to_the_last_digits(terms: str, ac
     ("accumulate", "precision"),
     [
         *itertools.product(ACCUMULATED, ["mixed"]),
-        (Accumulate.STIFFNESS, "float32"),
-        (Accumulate.ANISOTROPIC_STIFFNESS, "float64"),
+        pytest.param(Accumulate.STIFFNESS, "float32", marks=pytest.mark.long),  # compiles for a minute
+        pytest.param(Accumulate.ANISOTROPIC_STIFFNESS, "float64", marks=pytest.mark.long),
     ],
 )
 @pytest.mark.parametrize(("terms", "paired"), [("both", False), ("both", True), ("woven", False)])
