@@ -110,7 +110,7 @@ def test_arms_leave_by_the_sleeves(tshirt: Outfit, skeleton: Skeleton) -> None:
 def test_a_way_that_comes_in_at_the_end_of_a_sleeve_gives_way_to_one_that_leaves_there(
     tshirt: Outfit, skeleton: Skeleton, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Though all of them touch cloth beside the arm, as where a shoulder is cut low."""
+    """Though all of them touch cloth, as where a shoulder is cut low."""
     (wearing,), (garment,) = tshirt.wearing, tshirt.garments
     assert wearing is not None
 

@@ -11,12 +11,18 @@ import warp_cloth
 from warp_cloth.batch import fit_many
 from warp_cloth.fitting.problem import Problem
 from warp_cloth.garment.outfit import load_outfit
-from warp_cloth.model.first_attempt import trial_attempt
-from warp_cloth.scene import load_scene
+from warp_cloth.model.attempt import Attempt
+from warp_cloth.model.first_attempt import first_attempt, trial_attempt
+from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import CALM
 
 SMALL_SHIRT = ["garment.shape.edge_mm=30"]
+
+
+def trial_of(scene: Scene) -> Attempt | None:
+    outfit = load_outfit(scene)
+    return trial_attempt(first_attempt(scene, outfit), outfit)
 
 
 def shirt(*changes: str) -> warp_cloth.Fit:
@@ -75,10 +81,10 @@ def test_momentum_is_held_back_while_panels_are_sewn(monkeypatch: pytest.MonkeyP
 )
 def test_what_the_scene_states_is_not_tried_otherwise(changes: tuple[str, ...], tried: bool) -> None:
     scene = load_scene("tshirt", [*SMALL_SHIRT, *changes])
-    assert (trial_attempt(scene, load_outfit(scene)) is not None) == tried
+    assert (trial_of(scene) is not None) == tried
 
 
 def test_layers_are_not_tried() -> None:
     garment: dict[str, Any] = {"shape": {"kind": "tshirt", "edge_mm": 30}}
     scene = load_scene({"garment": [garment, garment], "avatar": {"shape": {"kind": "mannequin"}}})
-    assert trial_attempt(scene, load_outfit(scene)) is None
+    assert trial_of(scene) is None

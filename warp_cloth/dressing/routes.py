@@ -95,7 +95,7 @@ def _in_sleeve(arm: int, opening: Opening, wearing: Wearing, points: Points) -> 
 def _fault(route: Route, limb: int, opening: Opening, wearing: Wearing, points: Points) -> tuple[bool, int]:
     """Whether a limb misses its opening by a route or ends on the other side of cloth, and how often it crosses some.
 
-    What is crossed there and back lies beside the thin limb, as a low shoulder does.
+    Cloth that is crossed there and back only touches the thin limb, as a low shoulder does.
     """
     skeleton = wearing.skeleton
     curves = tuple(route.curve if each == limb else curve for each, curve in enumerate(skeleton.curves))

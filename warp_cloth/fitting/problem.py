@@ -160,7 +160,8 @@ def problem_kind(scene: Scene, outfit: Outfit) -> tuple[Any, ...]:
     A scene with cloth contact has a kind of its own, because what it launches depends on how its garments lie. So has
     one whose avatar moves or is posed, and one of the multilevel method.
     """
-    attempt = trial_attempt(scene, outfit) or first_attempt(scene, outfit)
+    usual = first_attempt(scene, outfit)
+    attempt = trial_attempt(usual, outfit) or usual
     decided, solver = attempt.scene, attempt.scene.solver
     contact = contact_kind(decided, outfit)
     is_alone = decided.collision.cloth or outfit.poses or attempt.posed or solver.method == "multilevel"
@@ -249,7 +250,7 @@ def build_problem(
 
 def _first_attempt(scene: Scene, outfit: Outfit, device: str, cache: Cache, *, may_pose: bool = True) -> Attempt:
     """The first attempt, a trial where that may do."""
-    trial = trial_attempt(scene, outfit) if may_pose else None
+    trial = trial_attempt(first_attempt(scene, outfit), outfit) if may_pose else None
     return trial or usual_first_attempt(scene, outfit, device, cache, may_pose=may_pose)
 
 

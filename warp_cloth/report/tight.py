@@ -51,11 +51,10 @@ class TightRing:
 def tight_rings(judged: Judged) -> list[TightRing]:
     """The rings around which edges look torn and are only tight, one an opening at most."""
     wearing, torn = judged.of.outfit.wearing[judged.index], judged.edge_ends[judged.strains > TORN]
-    sheet = judged.garment.rest.sheet
     if wearing is None or not len(torn):
         return []
     found = [
-        _at_opening(judged, opening, limbs, torn) or _behind(judged, opening, limbs, sheet)
+        _at_opening(judged, opening, limbs, torn) or _behind(judged, opening, limbs)
         for opening, limbs in zip(wearing.openings, wearing.limbs, strict=True)
     ]
     return [ring for ring in found if ring is not None and ring.explains(torn).any()]
@@ -87,9 +86,9 @@ def _at_opening(judged: Judged, opening: Opening, limbs: Limbs, torn: Indices) -
     return TightRing(opening, limbs, 0.0, 0.0, 0.0, opening.girth, worn)
 
 
-def _behind(judged: Judged, opening: Opening, limbs: Limbs, sheet: Sheet | None) -> TightRing | None:
+def _behind(judged: Judged, opening: Opening, limbs: Limbs) -> TightRing | None:
     """A tight part of a sleeve, a leg or a waist, further in than its end."""
-    levels = np.arange(APART, opening.depth, APART)
+    sheet, levels = judged.garment.rest.sheet, np.arange(APART, opening.depth, APART)
     if HEAD in limbs or sheet is None or not len(levels):
         return None
     cut, worn = girths_behind(opening, levels, judged.points, sheet)
@@ -107,7 +106,6 @@ def girths_behind(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Girths of the rings at these distances behind an opening [m], as cut and as worn [m], shape [levels] each."""
     apart = np.arange(3 * len(sheet.triangles), dtype=np.int32).reshape(-1, 3)  # each triangle lies flat by itself
-    flat = np.zeros((3 * len(sheet.triangles), 3))
-    flat[:, :2] = sheet.flat.reshape(-1, 2)
+    flat = np.pad(sheet.flat.reshape(-1, 2), ((0, 0), (0, 1)))
     cut = level_lines(flat, apart, opening.distances[sheet.triangles].ravel(), levels)
     return cut.girths(), level_lines(points, sheet.triangles, opening.distances, levels).girths()

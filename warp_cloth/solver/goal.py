@@ -35,7 +35,7 @@ class Goal:
     turn_after: int | None = None
 
     def looks_for_crossings(self, iteration: int) -> bool:
-        """Whether it ends after so many iterations if it passes through itself."""
+        """Whether it ends after this iteration if it passes through itself."""
         return self.ends_crossing and iteration in (SEWING_CHECKS if self.sews else CROSSING_CHECKS)
 
 

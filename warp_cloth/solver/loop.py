@@ -336,8 +336,8 @@ class _Loop:
             found |= dict.fromkeys(given_up, CutShort.CROSSING)
         found |= dict.fromkeys(self._turning(measured), CutShort.SLOW)
         found |= dict.fromkeys(self._falling_free(measured), CutShort.FALLING)
-        if self._crosses is not None and self._looks_for_crossings(measured.iteration):
-            watched = [item for item in self._watched(measured.iteration) if measured.finite[item]]
+        watched = [item for item in self._watched(measured.iteration) if measured.finite[item]]
+        if self._crosses is not None and watched:
             found |= dict.fromkeys(self._crosses(watched), CutShort.CROSSING)
         return found
 
