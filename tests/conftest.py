@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
-from warp_cloth.base import compiling
+from warp_cloth.base import compilers
 from warp_cloth.base.first_run import note_kernels
 
 # Every property gets a few examples in the suite, the same ones on every run; --hypothesis-profile=fuzz looks for
@@ -38,7 +38,7 @@ def pytest_configure(config: pytest.Config) -> None:
     # Threads of NumPy's BLAS wait for each other busily: on two busy cores, 16 s of test_reference.py were 3.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of xdist's workers, and of commands
     if hasattr(config, "workerinput"):  # other cores have work, and whoever compiles reads headers for 2 s first
-        compiling.core_count = lambda: 1
+        compilers.core_count = lambda: 1
 
 
 def pytest_sessionstart() -> None:
@@ -109,7 +109,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 @pytest.fixture(scope="session", autouse=True)
 def _no_compiler_warnings() -> Iterator[None]:
     """Whatever kernels a test has compiled, the compiler warns of nothing."""
-    with compiling.compiled_by(_compile_strictly):
+    with compilers.compiled_by(_compile_strictly):
         yield
 
 

@@ -19,13 +19,17 @@ from warp_cloth.scene import load_scene
 
 FIT = """
 import json, os, sys, threading
-from warp_cloth.base import compiling
-compiling.core_count = lambda: 2
+from warp_cloth.base import compilers
+compilers.core_count = lambda: 2
 asked = []
-build = compiling._Compiler.build
-compiling._Compiler.build = lambda self, words, named: asked.append(build(self, words, named)) or asked[-1]
+for kind in (compilers._Here, compilers._Process):
+    def build(*args, own=kind.build, name=kind.__name__, **options):
+        done = own(*args, **options)
+        asked.append([name, done])
+        return done
+    kind.build = build
 if sys.argv[1] == "broken":
-    compiling.sys.executable = "/bin/false"
+    compilers.sys.executable = "/bin/false"
 from warp_cloth.fitting.problem import load_modules
 from warp_cloth.kernels.contact import facing, leaf_order, search_trigger
 import warp as wp
@@ -34,7 +38,7 @@ device_named("cpu")
 modules = [wp.get_module(each.__name__) for each in (facing, leaf_order, search_trigger)]
 load_modules(modules, "cpu")
 load_modules(modules, "cpu")
-print(json.dumps([asked, [len(module.execs) for module in modules], len(os.listdir(wp.config.kernel_cache_dir))]))
+print(json.dumps([sorted(asked), [len(module.execs) for module in modules], os.listdir(wp.config.kernel_cache_dir)]))
 """
 
 ONCE = """
@@ -59,9 +63,11 @@ def test_modules_are_compiled_by_other_processes_or_by_this_one(
     monkeypatch.setenv("WARP_CACHE_PATH", str(tmp_path))
     ended = subprocess.run([sys.executable, "-c", FIT, how], capture_output=True, text=True, check=True)
     asked, loaded, folders = json.loads(ended.stdout.splitlines()[-1])
-    assert asked == [how == "whole"] * 3
+    assert {tuple(each) for each in asked} == {("_Here", True), ("_Process", how == "whole")}
+    assert len(asked) == 3
     assert loaded == [1, 1, 1]
-    assert folders == 3
+    assert len(folders) == 4
+    assert len(list((tmp_path / wp.config.version / "headers").rglob("*.pch"))) == 1
 
 
 @pytest.mark.cuda

@@ -18,7 +18,8 @@ import warp as wp
 from kernel_writes import NATIVE_WRITERS, Writes
 
 import warp_cloth.kernels
-from warp_cloth.base.compiling import compiled_by, missing_builds
+from warp_cloth.base.compilers import compiled_by
+from warp_cloth.base.compiling import missing_builds
 from warp_cloth.kernels.avatar.bake import bake_kernels
 from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.kernels.avatar.depth import DepthSolid, plain_contact, solid_level

@@ -1,27 +1,16 @@
-"""Loading kernels; those that Warp has not compiled on this machine yet are compiled in several processes.
-
-In one process Warp compiles for the CPU one module after another: in threads it takes twice as long (Warp 1.19).
-"""
+"""Loading kernels; those that Warp has not compiled on this machine yet are compiled several at a time."""
 
 from __future__ import annotations
 
 import contextlib
-import functools
-import json
 import os
-import queue
-import subprocess
-import sys
-import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from warp_cloth.base.threads import core_count
+from warp_cloth.base.compilers import compiler_count
 from warp_cloth.base.warp_setup import keeping_kernels
 
-MOST = 16  # processes, or a GPU compiler's threads
 FEW = 3  # modules that one process has compiled before another is ready
 
 
@@ -36,7 +25,7 @@ def load_modules(modules: Sequence[Any], device: str) -> None:
     modules = list(dict.fromkeys(modules))
     with keeping_kernels():
         if wp.get_device(device).is_cuda:
-            wp.force_load(device, modules=modules, max_workers=min(core_count(), MOST))
+            wp.force_load(device, modules=modules, max_workers=compiler_count())
         else:
             compile_for_cpu(modules)
             wp.force_load(device, modules=modules, max_workers=0)
@@ -83,101 +72,13 @@ def missing_builds(modules: Sequence[Any]) -> list[Build]:
     return builds
 
 
-def compile_for_cpu(modules: Sequence[Any], on_begin: Callable[[], None] = lambda: None) -> None:
-    """Compiles in other processes what Warp's cache lacks. What cannot be, Warp compiles when it is loaded.
-
-    ``on_begin`` is called where there is anything to compile.
-    """
-    count = min(core_count(), MOST)
+def compile_for_cpu(modules: Sequence[Any]) -> None:
+    """Compiles several at a time what Warp's cache lacks. What cannot be, Warp compiles when it is loaded."""
+    count = compiler_count()
     builds = missing_builds(modules) if count > 1 else []
     if len(builds) < FEW:
         return
-    on_begin()
-    with compiled_by(_compilers(os.getpid(), count).build), ThreadPoolExecutor(2 * count) as threads:
+    with ThreadPoolExecutor(2 * count) as threads:
         for ended in [threads.submit(build.run) for build in builds]:
             with contextlib.suppress(Exception):  # raised again, and reported, when the module is loaded
                 ended.result()
-
-
-@contextlib.contextmanager
-def compiled_by(build: Callable[..., None]) -> Iterator[None]:
-    """Lets Warp call ``build`` in place of its own compiler, which that gets as its first argument."""
-    from warp._src import build as compiler
-
-    own = compiler.build_cpu
-    compiler.build_cpu = functools.partial(build, own)
-    try:
-        yield
-    finally:
-        compiler.build_cpu = own
-
-
-class _Compilers:
-    """Processes that compile; each is started when it is first needed, and ends when nothing comes for a while."""
-
-    def __init__(self, count: int) -> None:
-        self._free: queue.LifoQueue[_Compiler] = queue.LifoQueue()
-        for _ in range(count):
-            self._free.put(_Compiler())
-        self._own = threading.Lock()
-
-    def build(self, own: Callable[..., None], *args: Any, **kwargs: Any) -> None:
-        """Compiles a file by a free process, or in this one where that fails."""
-        compiler = self._free.get()
-        try:
-            done = compiler.build(args, kwargs)
-        finally:
-            self._free.put(compiler)
-        if not done:
-            with self._own:
-                own(*args, **kwargs)
-
-
-class _Compiler:
-    """One of these processes."""
-
-    def __init__(self) -> None:
-        self._process: subprocess.Popen[str] | None = None
-        self._serves = True  # False once it could not be started
-
-    def build(self, args: Sequence[Any], kwargs: dict[str, Any]) -> bool:
-        """Whether the process has compiled a file."""
-        with contextlib.suppress(OSError, ValueError, TypeError):
-            request = json.dumps([args, kwargs])
-            while self._serves:
-                fresh = self._process is None
-                self._process = self._process or _started()
-                answer = _answer(self._process, request)
-                if answer:
-                    return answer == "done\n"
-                self._process, self._serves = None, not fresh  # one that ended for lack of work is started again
-        return False
-
-
-def _started() -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, str(Path(__file__).with_name("compiler.py"))],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env={**os.environ, "CUDA_VISIBLE_DEVICES": ""},  # it needs no GPU
-    )
-
-
-def _answer(process: subprocess.Popen[str], request: str) -> str:
-    """A process's answer to a request, with its newline; empty where the process has ended."""
-    if process.stdin is None or process.stdout is None:
-        return ""
-    try:
-        process.stdin.write(request + "\n")
-        process.stdin.flush()
-    except OSError:
-        return ""
-    return process.stdout.readline()
-
-
-@functools.cache
-def _compilers(process: int, count: int) -> _Compilers:
-    """Those of this process."""
-    return _Compilers(count)

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, redirect_stderr
 
+from warp_cloth.base.compilers import share_compilers
 from warp_cloth.base.errors import OutputError
 from warp_cloth.base.kernel_hashes import share_hashes
 
@@ -43,6 +44,7 @@ def init_warp() -> None:
     with keeping_kernels(), nullcontext() if heard else _silenced_stderr():
         warp.init()
     share_hashes()
+    share_compilers()
 
 
 def start_warp(verbose: bool = False) -> None:

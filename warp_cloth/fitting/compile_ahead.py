@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import warp as wp
@@ -10,7 +11,6 @@ from warp_cloth.avatar.contact import avatar_modules
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.compiling import compile_for_cpu, load_modules
 from warp_cloth.base.first_run import kernels_known
-from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.export.render import picture_modules
 from warp_cloth.kernels.anatomy import geodesics
 from warp_cloth.kernels.contact import crossing
@@ -20,7 +20,7 @@ from warp_cloth.scene import Scene
 def compile_ahead(scene: Scene, device: str, clock: StageClock) -> None:
     """On a machine that has no kernels yet, compiles those that are launched before and after iterating, all at once.
 
-    Where they are launched one is compiled after another.
+    Where they are launched one is compiled after another. For the CPU they are compiled while the scene is loaded.
     """
     if kernels_known(device):
         return
@@ -34,7 +34,6 @@ def compile_ahead(scene: Scene, device: str, clock: StageClock) -> None:
             of_host = thread.submit(load_modules, host, "cpu")
             load_modules(modules, device)
             of_host.result()
+        clock.lap("compile")
     else:
-        with keeping_kernels():
-            compile_for_cpu([*host, *modules], on_begin=lambda: clock.begin("compile"))
-    clock.lap("compile")
+        threading.Thread(target=compile_for_cpu, args=([*host, *modules],), daemon=True).start()
