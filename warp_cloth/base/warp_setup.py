@@ -8,7 +8,6 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, redirect_stderr
 
-from warp_cloth.base.compilers import share_compilers
 from warp_cloth.base.errors import OutputError
 from warp_cloth.base.kernel_hashes import share_hashes
 
@@ -37,6 +36,8 @@ def init_warp() -> None:
         OutputError: Warp's folder of compiled kernels cannot be written.
     """
     import warp
+
+    from warp_cloth.base.compilers import share_compilers
 
     heard = logging.getLogger("warp_cloth").isEnabledFor(logging.INFO) or warp.config.log_level != warp.LOG_INFO
     if not heard:
