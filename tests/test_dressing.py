@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 from meshfiles import write_circle_skirt, write_panels
 from pxr import Usd, UsdGeom
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 import warp_cloth
 from warp_cloth.anatomy.linking import curve_crossings
@@ -19,7 +22,7 @@ from warp_cloth.base.clock import StageClock
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.contact.sheets import sheets_of
-from warp_cloth.dressing.free_space import FreeSpace
+from warp_cloth.dressing.free_space import NEAR, FreeSpace
 from warp_cloth.dressing.posing import STATIONS, PosedBody
 from warp_cloth.dressing.routes import curves_of, limb_routes
 from warp_cloth.fitting.dresser import Dresser
@@ -61,6 +64,31 @@ def test_a_way_leads_round_cloth_at_a_distance() -> None:
     through = way[np.abs(way[:, 2]) < 0.04]
     assert ((through[:, 0] > 0.3) | (np.abs(through[:, 1]) > 0.5)).all()
     assert space.clearances(way).min() > 0.05
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ways_are_the_best_over_the_free_cells(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shape = (7, 9, 6)
+    clearance = np.where(rng.random(shape) < 0.3, 0.0, rng.uniform(0.02, 0.2, shape))
+    space = FreeSpace(np.zeros(3), 0.02, clearance)
+    free = np.argwhere(clearance > 0.0)
+    middles = (free + 0.5) * space.cell
+    cost = 1.0 + (NEAR / np.maximum(clearance, space.cell)) ** 2
+    apart = np.linalg.norm(middles[:, None] - middles, axis=2)
+    near = apart < 1.8 * space.cell
+    lengths = np.where(near, 0.5 * apart * (cost[tuple(free.T)][:, None] + cost[tuple(free.T)]), 0.0)
+    distance = dijkstra(csr_array(lengths), indices=0)
+    ways = space.paths(middles[0], list(middles))
+    assert any(way is None for way in ways) == bool(np.isinf(distance).any())
+    for way, end, wanted in zip(ways, middles, distance, strict=True):
+        if way is None:
+            assert np.isinf(wanted)
+            continue
+        cells = [int(np.flatnonzero(np.isclose(middles, point).all(axis=1))[0]) for point in way]
+        assert np.array_equal(middles[cells[0]], middles[0])
+        assert np.array_equal(middles[cells[-1]], end)
+        assert sum(lengths[pair] for pair in itertools.pairwise(cells)) == pytest.approx(wanted)
 
 
 def test_no_way_leads_out_of_a_closed_box() -> None:

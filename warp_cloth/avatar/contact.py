@@ -277,7 +277,7 @@ class AvatarContact:
             return cloth
         if self._closing is not None:
             avatar = self._closing.points(avatar)
-        exact = build_exact_collider(self._avatar, self._options.device)
+        exact = build_exact_collider(self._avatar, self._options.device, signed=False)
         moved = followed(exact, avatar, cloth)
         self._avatar = replace(self._avatar, points=avatar)
         self._box = self._avatar.bounds()

@@ -90,19 +90,27 @@ class ExactCollider:
 
 
 def build_exact_collider(
-    avatar: Mesh, device: wp.DeviceLike = None, depth: float = DEFAULT_DEPTH, reach: float = DEFAULT_REACH
+    avatar: Mesh,
+    device: wp.DeviceLike = None,
+    depth: float = DEFAULT_DEPTH,
+    reach: float = DEFAULT_REACH,
+    *,
+    signed: bool = True,
 ) -> ExactCollider:
-    """Builds the BVH of the avatar's triangles; a mesh that is inside out as a whole is flipped."""
+    """Builds the BVH of the avatar's triangles; a mesh that is inside out as a whole is flipped.
+
+    ``signed``: False takes half as long, for ``closest`` alone.
+    """
     lower, upper = avatar.bounds()
     origin = 0.5 * (lower + upper)
     points, triangles = avatar.points - origin, avatar.triangles
-    orientation = -1.0 if avatar.inside_out else 1.0
+    orientation = -1.0 if signed and avatar.inside_out else 1.0
     if orientation < 0.0:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
     mesh = wp.Mesh(
         points=wp.array(points.astype(np.float32), dtype=wp.vec3f, device=device),
         indices=wp.array(triangles.reshape(-1), dtype=wp.int32, device=device),
-        support_winding_number=True,
+        support_winding_number=signed,
     )
     collider = kernels.MeshCollider()
     collider.mesh, collider.origin = mesh.id, wp.vec3d(*origin)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,14 +75,12 @@ class FreeSpace:
 
     def paths(self, start: Points, ends: Sequence[Points]) -> list[Points | None]:
         """The best way from ``start`` to each of ``ends`` [m], each shape [N, 3]; None: cloth lies between."""
-        from scipy.sparse.csgraph import dijkstra
-
-        source = self._number(start)
-        distance, before = dijkstra(self._graph, directed=False, indices=source, return_predecessors=True)
+        source, targets = self._number(start), [self._number(end) for end in ends]
+        distance, before = self._ways(source, targets)
         found: list[Points | None] = []
-        for end in ends:
-            way = [self._number(end)]
-            if not np.isfinite(distance[way[0]]):
+        for target in targets:
+            way = [target]
+            if not np.isfinite(distance[target]):
                 found.append(None)
                 continue
             while before[way[-1]] >= 0:
@@ -97,25 +93,25 @@ class FreeSpace:
         cell = np.floor((point - self.low) / self.cell).astype(np.int64)
         return int(np.ravel_multi_index(np.clip(cell, 0, np.array(self.clearance.shape) - 1), self.clearance.shape))
 
-    @cached_property
-    def _graph(self) -> Any:
-        """Free cells and their 26 neighbours; a way through a cell at distance d from cloth costs 1 + (NEAR / d)^2."""
-        from scipy.sparse import coo_matrix
+    def _ways(self, start: int, ends: Sequence[int]) -> tuple[Floats, Indices]:
+        """Length of the best way to each cell, at least as far as ``ends``, and the cell before on it, shape [N].
 
-        shape = self.clearance.shape
-        free = self.clearance > 0.0
+        A way through a free cell at distance d from cloth costs 1 + (NEAR / d)^2 per length.
+        """
+        import warp as wp
+
+        from warp_cloth.kernels.anatomy.ways import NOWHERE, WayState, find_ways
+
         cost = 1.0 + (NEAR / np.maximum(self.clearance, self.cell)) ** 2
-        number = np.arange(free.size).reshape(shape)
-        starts, ends, lengths = [], [], []
-        for step in (np.array(index) - 1 for index in np.ndindex(3, 3, 3) if index > (1, 1, 1)):
-            here = tuple(slice(max(0, -s), n - max(0, s)) for s, n in zip(step, shape, strict=True))
-            there = tuple(slice(max(0, s), n - max(0, -s)) for s, n in zip(step, shape, strict=True))
-            both = free[here] & free[there]
-            starts.append(number[here][both])
-            ends.append(number[there][both])
-            lengths.append(0.5 * float(np.linalg.norm(step)) * self.cell * (cost[here][both] + cost[there][both]))
-        entries = np.concatenate(lengths), (np.concatenate(starts), np.concatenate(ends))
-        return coo_matrix(entries, shape=(free.size, free.size)).tocsr()
+        cost[self.clearance <= 0.0] = np.inf
+        steps = np.linalg.norm(np.indices((3, 3, 3)) - 1, axis=0)
+        ways, count = WayState(), cost.size
+        ways.distance = wp.full(count, np.inf, dtype=wp.float64, device="cpu")
+        ways.before, ways.heap, ways.place = (wp.full(count, NOWHERE, dtype=int, device="cpu") for _ in range(3))
+        costs, lengths = (wp.array(each, dtype=wp.float64, device="cpu") for each in (cost, 0.5 * steps * self.cell))
+        targets = wp.array(ends, dtype=int, device="cpu")
+        wp.launch(find_ways, 1, inputs=[costs, lengths, start, targets, ways], device="cpu")
+        return ways.distance.numpy(), ways.before.numpy()
 
 
 def _weights(count: int) -> NDArray[np.float64]:

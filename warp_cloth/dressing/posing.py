@@ -34,9 +34,10 @@ class PosedBody:
         self._skeleton = skeleton
         limbs = [resampled(smoothed(curve, 2), STATIONS) for curve in skeleton.curves]
         self.home = [*limbs, resampled(skeleton.spine, STATIONS)]  # the trunk's last
-        self._tangents = [_tangents(curve) for curve in self.home[:TRUNK]]
         limb, self._station = self._with_roots(body.points)
         self._of_limb = [np.flatnonzero(limb == number) for number in range(TRUNK)]
+        limbs_of = zip(self.home[:TRUNK], self._of_limb, strict=True)
+        self._tangents = [_at(_tangents(curve), self._station[own]) for curve, own in limbs_of]  # of each vertex
         self._of_trunk = np.flatnonzero(limb == TRUNK)
         self._turns = ~(chest_stays & np.isin(limb, ARMS) & (skeleton.limb == TRUNK))[:, None]
         self._base = skeleton.spine_at(body.points)  # the point that each vertex is thinned towards
@@ -77,7 +78,7 @@ class PosedBody:
         for number, (curve, own) in enumerate(zip(curves[:TRUNK], self._of_limb, strict=True)):
             station = self._station[own]
             base[own] = _at(curve, station)
-            tangents = _at(self._tangents[number], station), _at(_tangents(curve), station)
+            tangents = self._tangents[number], _at(_tangents(curve), station)
             offset[own] = np.where(self._turns[own], _rotated(offset[own], *tangents), offset[own])
         length = np.linalg.norm(offset, axis=1, keepdims=True)
         most = thickness * self._shares[:, None]

@@ -353,7 +353,7 @@ class Dresser:
         self._feet.draw_in(points, self._curves)
         surface, slid = self._feet.on(self._body.points(curves, thickness), curves), self._body.slid(curves)
         if takes_cloth:
-            exact = build_exact_collider(replace(self._avatar, points=self._surface), self._device)
+            exact = build_exact_collider(replace(self._avatar, points=self._surface), self._device, signed=False)
             self._problem.model.set_points(followed(exact, surface - (slid - self._slid), points))
         self._curves, self._thickness = curves, min(thickness, THICK)
         self._surface, self._slid = surface, slid
