@@ -203,7 +203,11 @@ def turned(precision: str, choices: Sequence[Any]) -> list[Any]:
     return [*choices[first:], *choices[:first]]
 
 
-@pytest.mark.parametrize("precision", PRECISIONS)
+# Half a minute of compiling each but for the usual precision, whose turn it is in a third of the combinations.
+IN_TURN = ["mixed", *(pytest.param(each, marks=pytest.mark.long) for each in PRECISIONS if each != "mixed")]
+
+
+@pytest.mark.parametrize("precision", IN_TURN)
 def test_force_kernels_compile(precision: str) -> None:
     terms = (Terms(True, True, False), Terms(False, True, True), Terms(False, False, True), FOLDED)
     compiled(normals_kernel(precision), packet_normals_kernel(precision))
@@ -216,7 +220,7 @@ def test_force_kernels_compile(precision: str) -> None:
     compiled(*map(gather_kernel, gathers))
 
 
-@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("precision", IN_TURN)
 def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
     compiled(measure_tension_kernel(precision), measure_weave_kernel(precision, FOLDED))
     compiled(*(measure_bending_kernel(precision, terms) for terms in (Terms(True, True, True), FOLDED)))
@@ -241,7 +245,7 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
         compiled(advance_kernel(replace(moves, accumulate=accumulated(moves))))
 
 
-@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("precision", IN_TURN)
 def test_kernels_of_cloth_on_cloth_compile(precision: str) -> None:
     searching = start_kernel, refit_kernel, near_groups_kernel, crossing_groups_kernel
     compiled(*(made(precision) for made in (*searching, layers_kernel, finish_kernel, add_load_kernel)))
