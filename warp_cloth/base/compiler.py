@@ -29,15 +29,16 @@ def with_stored_header(compiler: Callable[..., None], folder: str, *args: Any, *
     if not own or not options.get("use_precompiled_headers"):
         compiler(*args, **options)
         return
-    linked = _link_headers(folder, own)
+    linked, before = _link_headers(folder, own), set(os.listdir(own))
     compiler(*args, **options)
+    after = set(os.listdir(own))
     with contextlib.suppress(OSError):
         os.makedirs(folder, exist_ok=True)
-        for name in set(os.listdir(own)).difference(os.listdir(folder)):
-            partial = os.path.join(folder, f"{name}.{os.getpid()}-{threading.get_ident()}")
-            shutil.copyfile(os.path.join(own, name), partial)
-            os.replace(partial, os.path.join(folder, name))
-        for name in linked.difference(os.listdir(own)):
+        for name in after - before:
+            unfinished = os.path.join(folder, f"{name}.{os.getpid()}-{threading.get_ident()}")
+            shutil.copyfile(os.path.join(own, name), unfinished)
+            os.replace(unfinished, os.path.join(folder, name))
+        for name in linked - after:
             os.remove(os.path.join(folder, name))
 
 

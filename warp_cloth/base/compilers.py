@@ -1,7 +1,7 @@
 """Compiling kernels for the CPU in several processes, with one header that they and later ones share.
 
-By itself Warp (1.19) compiles one module after another in one process, as two threads would take twice as long, and
-in each process its header first.
+By itself Warp (1.19) compiles in the process that needs a kernel, where two threads take twice as long, and in each
+process its header first.
 """
 
 from __future__ import annotations

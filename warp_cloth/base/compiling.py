@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import os
+import threading
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 from warp_cloth.base.compilers import compiler_count
@@ -74,11 +74,23 @@ def missing_builds(modules: Sequence[Any]) -> list[Build]:
 
 def compile_for_cpu(modules: Sequence[Any]) -> None:
     """Compiles several at a time what Warp's cache lacks. What cannot be, Warp compiles when it is loaded."""
+    for thread in begin_compiling(modules):
+        thread.join()
+
+
+def begin_compiling(modules: Sequence[Any]) -> list[threading.Thread]:
+    """Begins to compile what Warp's cache lacks, where that is more than a few: threads that no exit waits for."""
     count = compiler_count()
     builds = missing_builds(modules) if count > 1 else []
-    if len(builds) < FEW:
-        return
-    with ThreadPoolExecutor(2 * count) as threads:
-        for ended in [threads.submit(build.run) for build in builds]:
+    left = iter(builds)
+
+    def compile_left() -> None:
+        for build in left:
             with contextlib.suppress(Exception):  # raised again, and reported, when the module is loaded
-                ended.result()
+                build.run()
+
+    number = min(2 * count, len(builds)) if len(builds) >= FEW else 0
+    threads = [threading.Thread(target=compile_left, daemon=True) for _ in range(number)]
+    for thread in threads:
+        thread.start()
+    return threads

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import warp as wp
 
 from warp_cloth.avatar.contact import avatar_modules
 from warp_cloth.base.clock import StageClock
-from warp_cloth.base.compiling import compile_for_cpu, load_modules
+from warp_cloth.base.compiling import begin_compiling, load_modules
 from warp_cloth.base.first_run import kernels_known
 from warp_cloth.export.render import picture_modules
 from warp_cloth.kernels.anatomy import geodesics
@@ -36,4 +35,4 @@ def compile_ahead(scene: Scene, device: str, clock: StageClock) -> None:
             of_host.result()
         clock.lap("compile")
     else:
-        threading.Thread(target=compile_for_cpu, args=([*host, *modules],), daemon=True).start()
+        begin_compiling([*host, *modules])
