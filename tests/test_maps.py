@@ -344,7 +344,7 @@ def test_maps_that_need_an_avatar_are_refused_without_one() -> None:
         fit("hanging", maps="pressure,gap")
 
 
-@pytest.mark.parametrize("precision", ["float32", "mixed"])
+@pytest.mark.parametrize("precision", [pytest.param("float32", marks=pytest.mark.long), "mixed"])  # compiles long
 def test_pressing_is_the_same_bits_every_time(precision: str) -> None:
     scene = {
         "garment": {"shape": {"kind": "square", "vertices_per_side": 15, "height": 0.91}, "fabric": "jersey"},
