@@ -37,7 +37,7 @@ def pytest_configure(config: pytest.Config) -> None:
             note_kernels(device, str(Path(__file__).parent))
     # Threads of NumPy's BLAS wait for each other busily: on two busy cores, 16 s of test_reference.py were 3.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of xdist's workers, and of commands
-    if hasattr(config, "workerinput"):  # other cores have work, and whoever compiles reads headers for 2 s first
+    if hasattr(config, "workerinput"):  # other cores have work
         compilers.core_count = lambda: 1
 
 
@@ -72,8 +72,8 @@ def scope_of(nodeid: str) -> str:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """In several processes, long tests begin early enough, and compile tests fill up the end: these are short.
 
-    So no process ends long after the others. A command that a long test runs reads Warp's headers for 2 s if it has to
-    compile anything, and a compile test has less to do where others have compiled: most files come before.
+    So no process ends long after the others. A compile test has less to do where others have compiled: most files come
+    before.
     """
     if not hasattr(config, "workerinput"):
         return

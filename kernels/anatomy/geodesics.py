@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from warp_cloth.kernels.anatomy.heap import HeapState, put_nearer, take_nearest
+
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
@@ -22,47 +24,6 @@ def link_vertices(
             place_out[vertex] = place + 1
 
 
-@wp.func
-def heap_push(
-    distance: wp.float64,
-    vertex: wp.int32,
-    count: wp.int32,
-    key_out: wp.array(dtype=wp.float64),  # distances in a heap, none over the two below it [m], shape [2 E + S]
-    heap_out: wp.array(dtype=wp.int32),  # their vertices, shape [2 E + S]
-):
-    """Puts a vertex into a heap of ``count``."""
-    place = count
-    while place > 0:
-        above = (place - 1) // 2
-        if key_out[above] <= distance:
-            break
-        key_out[place] = key_out[above]
-        heap_out[place] = heap_out[above]
-        place = above
-    key_out[place] = distance
-    heap_out[place] = vertex
-
-
-@wp.func
-def heap_pop(count: wp.int32, key_out: wp.array(dtype=wp.float64), heap_out: wp.array(dtype=wp.int32)):
-    """Takes the first out of a heap, of which ``count`` are left."""
-    distance = key_out[count]
-    vertex = heap_out[count]
-    place = wp.int32(0)
-    below = wp.int32(1)
-    while below < count:
-        if below + 1 < count and key_out[below + 1] < key_out[below]:
-            below += 1
-        if distance <= key_out[below]:
-            break
-        key_out[place] = key_out[below]
-        heap_out[place] = heap_out[below]
-        place = below
-        below = 2 * place + 1
-    key_out[place] = distance
-    heap_out[place] = vertex
-
-
 @wp.kernel
 def measure_distances(
     row: wp.array(dtype=wp.int32),  # start of each vertex's neighbours, shape [V + 1]
@@ -70,32 +31,19 @@ def measure_distances(
     edge: wp.array(dtype=wp.int32),  # edge to each neighbour, shape [2 E]
     length: wp.array(dtype=wp.float64),  # of edges [m], shape [E]
     sources: wp.array(dtype=wp.int32),  # shape [S]
-    key_out: wp.array(dtype=wp.float64),  # scratch, shape [2 E + S]
-    heap_out: wp.array(dtype=wp.int32),  # scratch, shape [2 E + S]
-    distance_out: wp.array(dtype=wp.float64),  # all infinite; at the end from the nearest source [m], shape [V]
+    heap_out: HeapState,  # of V vertices; distances infinite, at the end from the nearest source [m]; places NOWHERE
 ):
-    """Distance along edges from the nearest source (Dijkstra, with a binary heap); launched for one thread.
-
-    A vertex that is found again, nearer, stands in the heap twice, and is passed over the second time.
-    """
+    """Distance along edges from the nearest source (Dijkstra, with a binary heap); launched for one thread."""
     count = wp.int32(0)
     for n in range(sources.shape[0]):
-        distance_out[sources[n]] = wp.float64(0.0)
-        heap_push(wp.float64(0.0), sources[n], count, key_out, heap_out)
-        count += 1
+        count = put_nearer(sources[n], wp.float64(0.0), count, heap_out)
     while count > 0:
-        near = key_out[0]
-        vertex = heap_out[0]
+        vertex = take_nearest(count, heap_out)
         count -= 1
-        heap_pop(count, key_out, heap_out)
-        if near > distance_out[vertex]:
-            continue
         for n in range(row[vertex], row[vertex + 1]):
-            found = near + length[edge[n]]
-            if found < distance_out[neighbours[n]]:
-                distance_out[neighbours[n]] = found
-                heap_push(found, neighbours[n], count, key_out, heap_out)
-                count += 1
+            found = heap_out.distance[vertex] + length[edge[n]]
+            if found < heap_out.distance[neighbours[n]]:
+                count = put_nearer(neighbours[n], found, count, heap_out)
 
 
 @wp.func

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Indices, Points
+
+if TYPE_CHECKING:
+    from warp_cloth.kernels.anatomy.heap import HeapState
 
 Floats = NDArray[np.float64]
 SHORTEST = 1e-9  # [m] of an edge
@@ -43,11 +47,9 @@ class EdgeGraph:
         from warp_cloth.kernels.anatomy.geodesics import measure_distances
 
         start = wp.array(np.atleast_1d(sources), dtype=wp.int32, device="cpu")
-        room = 2 * len(self._edges) + len(start)
-        keys, heap = (wp.empty(room, dtype=kind, device="cpu") for kind in (wp.float64, wp.int32))
-        found = wp.full(self._count, np.inf, dtype=wp.float64, device="cpu")
-        wp.launch(measure_distances, 1, inputs=[*self._graph, start, keys, heap, found], device="cpu")
-        return np.asarray(found.numpy(), dtype=np.float64)
+        heap = empty_heap(self._count)
+        wp.launch(measure_distances, 1, inputs=[*self._graph, start, heap], device="cpu")
+        return np.asarray(heap.distance.numpy(), dtype=np.float64)
 
     def parts(self) -> NDArray[np.int32]:
         """The lowest vertex of each vertex's connected part, shape [V]."""
@@ -58,6 +60,18 @@ class EdgeGraph:
         label = wp.array(np.arange(self._count), dtype=wp.int32, device="cpu")
         wp.launch(label_parts, 1, inputs=[self._edges, label], device="cpu")
         return np.asarray(label.numpy(), dtype=np.int32)
+
+
+def empty_heap(count: int) -> HeapState:
+    """A heap for numbers up to ``count``, all infinitely far."""
+    import warp as wp
+
+    from warp_cloth.kernels.anatomy.heap import NOWHERE, HeapState
+
+    heap = HeapState()
+    heap.distance = wp.full(count, np.inf, dtype=wp.float64, device="cpu")
+    heap.heap, heap.place = (wp.full(count, NOWHERE, dtype=int, device="cpu") for _ in range(2))
+    return heap
 
 
 def row_lengths(vectors: Points) -> Floats:

@@ -1,4 +1,4 @@
-"""A process that compiles kernels' C++ for the CPU, run as a script by ``compiling.py``; imports none of this package.
+"""A process that compiles kernels' C++ for the CPU, run as a script by ``compilers.py``; imports none of this package.
 
 It reads a line of JSON for each file, the folder of compiled headers and the arguments of Warp's ``build_cpu``, and
 answers with a line: "done", or what went wrong. It ends with its input, or where nothing more comes.

@@ -68,7 +68,7 @@ class Compilers:
     """This process and others that compile; each of these is started when it is first needed."""
 
     def __init__(self, count: int) -> None:
-        self._free: queue.LifoQueue[_Here | _Process] = queue.LifoQueue()
+        self._free: queue.LifoQueue[_Compiler] = queue.LifoQueue()
         for _ in range(count - 1):
             self._free.put(_Process())
         self._free.put(_Here())

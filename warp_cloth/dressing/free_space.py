@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.anatomy.geodesics import Floats
+from warp_cloth.anatomy.geodesics import Floats, empty_heap
 from warp_cloth.base.mesh import Indices, Points
+
+if TYPE_CHECKING:
+    import warp as wp
 
 CELL = 0.02  # [m]
 MARGIN = 0.25  # [m] around the garment
@@ -94,24 +99,27 @@ class FreeSpace:
         return int(np.ravel_multi_index(np.clip(cell, 0, np.array(self.clearance.shape) - 1), self.clearance.shape))
 
     def _ways(self, start: int, ends: Sequence[int]) -> tuple[Floats, Indices]:
-        """Length of the best way to each cell, at least as far as ``ends``, and the cell before on it, shape [N].
-
-        A way through a free cell at distance d from cloth costs 1 + (NEAR / d)^2 per length.
-        """
+        """Length of the best way to each cell, at least as far as ``ends``, and the cell before on it, shape [N]."""
         import warp as wp
 
-        from warp_cloth.kernels.anatomy.ways import NOWHERE, WayState, find_ways
+        from warp_cloth.kernels.anatomy.heap import NOWHERE
+        from warp_cloth.kernels.anatomy.ways import find_ways
+
+        steps = np.linalg.norm(np.indices((3, 3, 3)) - 1, axis=0)
+        lengths = wp.array(0.5 * steps * self.cell, dtype=wp.float64, device="cpu")
+        heap, before = empty_heap(self._cost.size), wp.full(self._cost.size, NOWHERE, dtype=int, device="cpu")
+        inputs = [self._cost, lengths, start, wp.array(ends, dtype=int, device="cpu")]
+        wp.launch(find_ways, 1, inputs=inputs, outputs=[heap, before], device="cpu")
+        return heap.distance.numpy(), before.numpy()
+
+    @cached_property
+    def _cost(self) -> wp.array:
+        """1 + (NEAR / d)^2, per length of a way through a cell at distance d from cloth; infinite within it."""
+        import warp as wp
 
         cost = 1.0 + (NEAR / np.maximum(self.clearance, self.cell)) ** 2
         cost[self.clearance <= 0.0] = np.inf
-        steps = np.linalg.norm(np.indices((3, 3, 3)) - 1, axis=0)
-        ways, count = WayState(), cost.size
-        ways.distance = wp.full(count, np.inf, dtype=wp.float64, device="cpu")
-        ways.before, ways.heap, ways.place = (wp.full(count, NOWHERE, dtype=int, device="cpu") for _ in range(3))
-        costs, lengths = (wp.array(each, dtype=wp.float64, device="cpu") for each in (cost, 0.5 * steps * self.cell))
-        targets = wp.array(ends, dtype=int, device="cpu")
-        wp.launch(find_ways, 1, inputs=[costs, lengths, start, targets, ways], device="cpu")
-        return ways.distance.numpy(), ways.before.numpy()
+        return wp.array(cost, dtype=wp.float64, device="cpu")
 
 
 def _weights(count: int) -> NDArray[np.float64]:
