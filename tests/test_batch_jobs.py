@@ -182,6 +182,15 @@ def test_a_bad_row_is_an_item_that_says_why(tmp_path: Path, row: str, problem: s
     assert not good.problem
 
 
+def test_a_row_that_states_its_garment_needs_no_scene(tmp_path: Path) -> None:
+    write(tmp_path, "shirt.obj", "")
+    jobs = write(tmp_path, "jobs.csv", "name,garment.mesh,garment.fabric\na,shirt.obj,silk\nb,,silk\n")
+    stated, bare = read_jobs(jobs)
+    assert (stated.source, stated.problem) == ({}, "")
+    assert stated.changes == (f"garment.mesh={tmp_path / 'shirt.obj'}", "garment.fabric=silk")
+    assert bare.problem.startswith("the row names no scene")
+
+
 @pytest.mark.parametrize(
     ("name", "text", "told"),
     [

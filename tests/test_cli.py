@@ -218,7 +218,8 @@ def test_a_refused_job_file_ends_in_one_line_although_workers_are_starting(tmp_p
     done = command("batch", "jobs.csv", "--device", "cpu", folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.splitlines() == [
-        'error: jobs.csv: has no column "scene"; give each row a scene file or a shipped scene there'
+        'error: jobs.csv: has no column "scene"; '
+        "give each row a scene file or a shipped scene there, or a garment.mesh and an avatar.mesh"
     ]
     assert not (tmp_path / "out").exists()
 

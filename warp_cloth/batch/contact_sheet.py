@@ -121,7 +121,7 @@ class _Drawer:
     def picture(self, item: Item, file: str) -> str:
         """The item as a data URL; empty where its shape cannot be drawn."""
         try:
-            scene = load_scene(item.scene, item.changes)
+            scene = load_scene(item.source, item.changes)
             avatar = self._meshes.make(avatar_recipe(scene)[0]) if scene.avatar is not None else None
             return thumbnail(self._garments(item.name, file), avatar)
         except (InputError, OSError):  # a file that is gone since

@@ -25,6 +25,8 @@ from warp_cloth.scene.reference import TABLES
 from warp_cloth.scene.schema import Scene
 
 REMEDY = "give a table as .csv, .parquet or .toml, with the columns scene, name and scene keys such as garment.fabric"
+WITHOUT_SCENE = "give each row a scene file or a shipped scene there, or a garment.mesh and an avatar.mesh"
+GARMENTS = ("garment.mesh", "garment.pattern", "garment.shape")  # a row with one of these needs no scene
 LARGEST_JOB_FILE = 200_000_000  # [bytes]; a million tables
 FILE_KEYS = ("mesh", "pattern", "grain_texture", "fabric")  # last names of keys whose values may name files
 AVATAR_KEYS = (
@@ -48,10 +50,15 @@ class Item:
     """One fit of a batch: ``warp-cloth fit SCENE --set CHANGE ...`` gives the same."""
 
     name: str
-    scene: str  # a scene file or a shipped scene's name
+    scene: str  # a scene file or a shipped scene's name; "": the changes state all
     changes: tuple[str, ...] = ()  # KEY=VALUE
     problem: str = ""  # why the row cannot be used, if it cannot
     cells: tuple[tuple[str, Any], ...] = field(default=(), compare=False)  # the row's columns as given, but its name
+
+    @property
+    def source(self) -> str | dict[str, Any]:
+        """The scene that its changes go over, for ``load_scene``."""
+        return self.scene or {}
 
     @property
     def columns(self) -> dict[str, Any]:
@@ -226,8 +233,8 @@ def _check_columns(header: Sequence[str], path: Path) -> None:
     if double is not None or "" in header:
         problem = f'has the column "{double}" twice' if double else "has a column without a name"
         raise InputError(path, problem, "give each column a name of its own")
-    if "scene" not in header:
-        raise InputError(path, 'has no column "scene"', "give each row a scene file or a shipped scene there")
+    if "scene" not in header and not any(map(_states_garment, header)):
+        raise InputError(path, 'has no column "scene"', WITHOUT_SCENE)
 
 
 def _item(row: Mapping[str, Any], number: int, folder: Path) -> Item:
@@ -238,15 +245,20 @@ def _item(row: Mapping[str, Any], number: int, folder: Path) -> Item:
     if not PLAIN_NAME.fullmatch(name):
         problem = f'column name: "{name}" cannot be a file name; use 1 to 100 characters, without slashes'
         name = f"row-{number}"
-    if not problem and not isinstance(scene, str):
-        problem = "the row names no scene; give a scene file or a shipped scene"
     cells = [(key, value) for key, value in flat(row) if key not in ("name", "problem")]
+    if not problem and not isinstance(scene, str) and not any(_states_garment(key) for key, _ in cells):
+        problem = f"the row names no scene; {WITHOUT_SCENE}"
     changes = [
         f"{key}={_text(_from_folder(key, value, folder))}"
         for key, value in cells
         if key != "scene" and not is_callers(key)
     ]
     return Item(name, str(_from_folder("scene", scene or "", folder)), tuple(changes), problem, tuple(cells))
+
+
+def _states_garment(column: str) -> bool:
+    """Whether a column says what the garment is."""
+    return column.startswith(GARMENTS)
 
 
 @functools.cache

@@ -115,7 +115,7 @@ class _TaskRun:
         try:
             if item.problem:
                 raise InputError(item.name, item.problem)
-            scene = load_scene(item.scene, (*item.changes, f"name={toml_text(item.name)}"))
+            scene = load_scene(item.source, (*item.changes, f"name={toml_text(item.name)}"))
         except InputError as error:
             return ItemResult(empty_row(item.name, Status.INVALID.value, _in_columns(error)))
         sources = [scene.avatar.mesh] if scene.avatar is not None else []
