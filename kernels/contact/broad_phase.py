@@ -203,17 +203,20 @@ def walk_groups_function(find_leaves: wp.Function) -> wp.Function:
         first = int(0)
         mask = wp.uint32(0)
         steps = int(0)
-        walk = advance_walk(tree, start)
-        while walk.group >= 0:
-            if team_lane() == steps:
-                first = WIDTH * walk.group
-                mask = walk.mask_1
-            steps += 1
-            walk = advance_walk(tree, walk)
-            if walk.group < 0 or steps == warp_size():
+        walk = start
+        going = bool(True)
+        while going:
+            walk = advance_walk(tree, walk)  # at one place: compilers insert all that is called wherever it is
+            going = walk.group >= 0
+            if steps > 0 and (steps == warp_size() or not going):
                 list_groups(context, query, first, mask)
                 mask = wp.uint32(0)
                 steps = 0
+            if going:
+                if team_lane() == steps:
+                    first = WIDTH * walk.group
+                    mask = walk.mask_1
+                steps += 1
 
     return walk_groups
 

@@ -11,6 +11,7 @@ from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import ON_EDGE, ON_TRIANGLE, ContactData
 from warp_cloth.kernels.contact.box_tree import (
     WIDTH,
+    BoxWalk,
     leaf_overlaps,
     load_box,
     may_overlap,
@@ -28,7 +29,7 @@ from warp_cloth.kernels.contact.broad_phase import (
     search_context_function,
     walk_groups_function,
 )
-from warp_cloth.kernels.contact.search import SLACK, ContactSearch, least_box_margin, vertex_group_box
+from warp_cloth.kernels.contact.search import SLACK, ContactSearch, least_box_margin, tree_of, vertex_group_box
 from warp_cloth.kernels.contact.untangle import Untangling, distance_key, separate_crossing
 from warp_cloth.kernels.math.closest_points import nearest_on_triangle
 
@@ -130,48 +131,54 @@ walk_groups = walk_groups_function(find_crossing)
 
 
 @wp.func
-def query_edges(context: Any, group: int, all: bool):
-    """Lists the groups of triangles that a group of edges may pass through, if any is tangled, or ``all``."""
-    search, query = context.search, query_of(ON_EDGE, group)
+def walk_of_edges(context: Any, group: int, all: bool):
+    """Over the triangles that a group of edges may pass through, if any is tangled, or ``all``: the walk, the query.
+
+    The query's group is -1 where there is nothing to search for, here and in the other two.
+    """
+    search, query, walk = context.search, query_of(ON_EDGE, -1), BoxWalk()
     edge = search.edge_tree.leaf[WIDTH * group]
-    if edge >= 0 and (all or is_tangled(search, query)):
+    if edge >= 0 and (all or is_tangled(search, query_of(ON_EDGE, group))):
         less = least_box_margin(context.contact)
         leaves = search.leaves[search.item[search.edges[edge][0]]]
         low, high = load_box(search.edge_tree, 1, group)
         walk = start_walk(search.triangle_tree, low + less, high - less, leaves[0], leaves[1])
-        walk_groups(context, search.triangle_tree, walk, query)
+        query.group = group
+    return walk, query
 
 
 @wp.func
-def query_triangles(context: Any, group: int, all: bool):
-    """Lists the groups of edges that may pass through a group with tangled triangles, unless ``all`` search."""
-    search, query = context.search, query_of(BY_TRIANGLE, group)
+def walk_of_triangles(context: Any, group: int, all: bool):
+    """Over the edges that may pass through a group with tangled triangles, unless ``all`` search."""
+    search, query, walk = context.search, query_of(BY_TRIANGLE, -1), BoxWalk()
     triangle = search.triangle_tree.leaf[WIDTH * group]
-    if triangle >= 0 and not all and is_tangled(search, query):
+    if triangle >= 0 and not all and is_tangled(search, query_of(BY_TRIANGLE, group)):
         less = least_box_margin(context.contact)
         leaves = search.leaves[search.item[search.triangles[triangle][0]]]
         low, high = load_box(search.triangle_tree, 1, group)
         walk = start_walk(search.edge_tree, low + less, high - less, leaves[2], leaves[3])
-        walk_groups(context, search.edge_tree, walk, query)
+        query.group = group
+    return walk, query
 
 
 @wp.func
-def query_vertices(context: Any, group: int, all: bool):
-    """Lists the groups of other layers' triangles near a group of vertices, if any is tangled, or ``all``."""
-    search, query = context.search, query_of(ON_TRIANGLE, group)
+def walk_of_vertices(context: Any, group: int, all: bool, side: int):
+    """Over other layers' triangles near a group of vertices, if any is tangled, or ``all``.
+
+    ``side``: those before (0) or after (1) its own layer in the tree.
+    """
+    search, query, walk = context.search, query_of(ON_TRIANGLE, -1), BoxWalk()
     vertex = search.vertex[WIDTH * group]
-    if vertex >= 0 and (all or is_tangled(search, query)):
+    if vertex >= 0 and (all or is_tangled(search, query_of(ON_TRIANGLE, group))):
         margin = float(context.extra.layer_depth) + SLACK
         wide = wp.vec3f(margin, margin, margin)
         item, own = search.leaves[search.item[vertex]], context.extra.own_leaves[vertex]
         low, high = vertex_group_box(context.state, search, context.contact, group)
-        side = int(0)
-        while side < 2:  # before and after its own layer in the tree; a for loop would be compiled twice
-            begin = wp.where(side == 0, item[0], own[1])
-            end = wp.where(side == 0, own[0], item[1])
-            walk = start_walk(search.triangle_tree, low - wide, high + wide, begin, end)
-            walk_groups(context, search.triangle_tree, walk, query)
-            side += 1
+        begin = wp.where(side == 0, item[0], own[1])
+        end = wp.where(side == 0, own[0], item[1])
+        walk = start_walk(search.triangle_tree, low - wide, high + wide, begin, end)
+        query.group = group
+    return walk, query
 
 
 @functools.cache
@@ -193,13 +200,19 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
         triangle_groups = search.triangle_tree.leaf.shape[0] // WIDTH
         all = search.whole[0] > 0
         context = search_context(state, search, contact, untangling, candidates)
-        if group < edge_groups:
-            query_edges(context, group, all)
-        elif group < edge_groups + triangle_groups:
-            query_triangles(context, group - edge_groups, all)
-        else:
-            group -= edge_groups + triangle_groups
-            query_vertices(context, group, all)
+        side, sides = int(0), int(1)
+        while side < sides:  # walks at one place, and no for loop: compilers insert all that is called wherever it is
+            walk, query = BoxWalk(), query_of(ON_EDGE, -1)
+            if group < edge_groups:
+                walk, query = walk_of_edges(context, group, all)
+            elif group < edge_groups + triangle_groups:
+                walk, query = walk_of_triangles(context, group - edge_groups, all)
+            else:
+                walk, query = walk_of_vertices(context, group - edge_groups - triangle_groups, all, side)
+                sides = 2
+            if query.group >= 0:
+                walk_groups(context, tree_of(search, query.kind != BY_TRIANGLE), walk, query)
+            side += 1
 
     return find_crossing_groups
 

@@ -22,6 +22,7 @@ from warp_cloth.kernels.contact.arrays import (
 )
 from warp_cloth.kernels.contact.box_tree import (
     WIDTH,
+    BoxWalk,
     leaf_overlaps,
     load_box,
     low_bits,
@@ -39,7 +40,7 @@ from warp_cloth.kernels.contact.broad_phase import (
     search_context_function,
     walk_groups_function,
 )
-from warp_cloth.kernels.contact.search import ContactSearch, box_margin, vertex_group_box
+from warp_cloth.kernels.contact.search import ContactSearch, box_margin, tree_of, vertex_group_box
 from warp_cloth.kernels.contact.stick_memory import StickMemory, remembered_stick
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -204,23 +205,25 @@ def near_groups_kernel(precision: str) -> wp.Kernel:
         context = search_context(state, search, contact, memory, candidates)
         group = wp.tid() // warp_size()
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
+        query = query_of(ON_EDGE, group)
+        walk, wanted = BoxWalk(), bool(False)
         if group < edge_groups:
             edge = search.edge_tree.leaf[WIDTH * group]
             if edge >= 0:
                 last = search.leaves[search.item[search.edges[edge][0]]][3]
                 low, high = load_box(search.edge_tree, 1, group)
                 walk = start_walk(search.edge_tree, low, high, WIDTH * group, last)
-                query = query_of(ON_EDGE, group)
-                walk_groups(context, search.edge_tree, walk, query)
+                wanted = True
         else:
-            group -= edge_groups
-            vertex = search.vertex[WIDTH * group]
+            query = query_of(ON_TRIANGLE, group - edge_groups)
+            vertex = search.vertex[WIDTH * query.group]
             if vertex >= 0:
                 leaves = search.leaves[search.item[vertex]]
-                low, high = vertex_group_box(state, search, contact, group)
+                low, high = vertex_group_box(state, search, contact, query.group)
                 walk = start_walk(search.triangle_tree, low, high, leaves[0], leaves[1])
-                query = query_of(ON_TRIANGLE, group)
-                walk_groups(context, search.triangle_tree, walk, query)
+                wanted = True
+        if wanted:
+            walk_groups(context, tree_of(search, query.kind == ON_TRIANGLE), walk, query)
 
     return find_near_groups
 

@@ -55,6 +55,14 @@ class ContactSearch:
 
 
 @wp.func
+def tree_of(search: ContactSearch, triangles: bool):
+    """The tree of the triangles, or of the edges."""
+    if triangles:
+        return search.triangle_tree
+    return search.edge_tree
+
+
+@wp.func
 def is_open_seam(search: ContactSearch, edge: int, along: wp.vec3f):
     """Whether an edge with this edge vector [m] is a seam that has yet to close."""
     return wp.length(along) > search.longest[edge]
