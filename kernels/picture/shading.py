@@ -173,3 +173,41 @@ def light_pixels(  # ten arguments: a picture's layers, each an array
         risen += highest
     open = wp.clamp(1.0 - OCCLUSION_STRENGTH * risen / float(directions), 0.0, 1.0)
     light_out[row, column] = light_on(n, key, fill, view.up, lit[row, column], open)
+
+
+@wp.func
+def srgb_byte(light: float) -> wp.uint8:
+    """An sRGB value in a byte from linear light, clipped to 0..1 (IEC 61966-2-1)."""
+    value = wp.clamp(light, 0.0, 1.0)
+    curved = wp.where(value <= 0.0031308, 12.92 * value, 1.055 * wp.pow(value, 1.0 / 2.4) - 0.055)
+    return wp.uint8(wp.round(255.0 * curved))
+
+
+@wp.kernel
+def resolve_pixels(
+    ids: wp.array2d(dtype=wp.int32),  # from draw_triangle_ids, shape [rows, columns], of samples; rows run upwards
+    empty: int,  # the id where nothing is drawn
+    light: wp.array2d(dtype=wp.vec3f),  # from light_pixels, shape [rows, columns]
+    reflectance: wp.array2d(dtype=wp.vec3f),  # from sample_surface, likewise
+    background: wp.vec3f,  # linear light
+    samples: int,  # along each side of a pixel
+    image_out: wp.array3d(dtype=wp.uint8),  # sRGB, top row first, shape [height, width, 3]; start it as background
+):
+    """The mean light of each pixel's samples, where any shows something."""
+    row, column = wp.tid()
+    first = (image_out.shape[0] - 1 - row) * samples
+    drawn = int(0)
+    total = wp.vec3f()
+    for y in range(samples):
+        for x in range(samples):
+            at, beside = first + y, column * samples + x
+            if ids[at, beside] < empty:
+                total += wp.cw_mul(reflectance[at, beside], light[at, beside])
+                drawn += 1
+            else:
+                total += background
+    if drawn == 0:
+        return
+    mean = total / float(samples * samples)
+    for channel in range(3):
+        image_out[row, column, channel] = srgb_byte(mean[channel])

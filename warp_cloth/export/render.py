@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,7 +15,14 @@ from warp_cloth.base.mesh import Mesh, vertex_normals
 from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, in_bytes, linear, winds_outward
 from warp_cloth.export.taps import OCCLUSION_STEPS, occlusion_taps, shadow_taps
 from warp_cloth.kernels.avatar.raster import View, draw_depth, draw_triangle_ids
-from warp_cloth.kernels.picture.shading import Appearance, Surface, cast_shadows, light_pixels, sample_surface
+from warp_cloth.kernels.picture.shading import (
+    Appearance,
+    Surface,
+    cast_shadows,
+    light_pixels,
+    resolve_pixels,
+    sample_surface,
+)
 from warp_cloth.model.result import WornGarment
 
 Vector = NDArray[np.float64]
@@ -139,7 +145,7 @@ class RenderedView:
     view: View
     ids: wp.array  # triangle at every pixel (the number of triangles: none), shape [rows, columns]
     # Of the surface at every pixel that shows some; elsewhere it is whatever was in memory.
-    light: NDArray[np.float32]  # shape [rows, columns, 3]
+    light: wp.array  # shape [rows, columns]
     reflectance: wp.array  # in the subject's ``colours``, shape [rows, columns]
     colours: wp.array
 
@@ -166,43 +172,23 @@ def render_view(subject: Subject, toward: Vector, pixel: float, width: int, heig
     taps = wp.array(occlusion_taps(view.pixel), dtype=wp.vec2i, device=device)
     inputs = [depth, normal, lit, view, vector(key), vector(fill), taps, OCCLUSION_STEPS]
     wp.launch(light_pixels, shape, inputs=inputs, outputs=[light], device=device)
-    return RenderedView(view, ids, light.numpy(), reflectance, subject.colours)
+    return RenderedView(view, ids, light, reflectance, subject.colours)
 
 
-@dataclass(frozen=True, eq=False)
-class SeenSurface:
-    """What a view shows, on the host; light and reflectance of what is not visible are undefined."""
+def shaded(subject: Subject, rendered: RenderedView, background: Vector) -> NDArray[np.uint8]:
+    """Image of a view of a subject in its own colours, in sRGB, shape [height, width, 3], top row first.
 
-    visible: NDArray[np.bool_]  # pixels that show something, shape [rows, columns]
-    reflectance: NDArray[np.float32]  # linear, shape [rows, columns, 3]
-    light: NDArray[np.float32]  # shape [rows, columns, 3]
-
-
-def seen_surface(subject: Subject, rendered: RenderedView) -> SeenSurface:
-    """What a view shows of a subject in its own colours, read from the device."""
-    reflectance = rendered.reflectance
+    ``background`` is linear light.
+    """
+    reflectance, (rows, columns) = rendered.reflectance, rendered.ids.shape
     if rendered.colours is not subject.colours:
         _, reflectance = surface(subject, rendered.view, rendered.ids)
-    visible = rendered.ids.numpy() < len(subject.triangles)
-    return SeenSurface(visible, reflectance.numpy(), rendered.light)
-
-
-def shaded(seen: SeenSurface, background: Vector) -> NDArray[np.uint8]:
-    """Image of what a view shows, in sRGB, shape [height, width, 3], top row first; ``background`` is linear light."""
-    places = [
-        (slice(row, None, SUPERSAMPLING), slice(column, None, SUPERSAMPLING))
-        for row, column in itertools.product(range(SUPERSAMPLING), repeat=2)
-    ]
-    empty = background.astype(np.float32)
-    drawn = np.logical_or.reduce([seen.visible[place] for place in places])  # a sixth of a picture
-    light = np.zeros((int(drawn.sum()), 3), dtype=np.float32)
-    for place in places:
-        sample, visible = np.tile(empty, (len(light), 1)), seen.visible[place]
-        sample[visible[drawn]] = seen.reflectance[place][visible] * seen.light[place][visible]
-        light += sample
-    image = np.tile(in_bytes(sum([empty] * len(places)) / np.float32(len(places))), (*drawn.shape, 1))
-    image[drawn] = in_bytes(light / np.float32(len(places)))
-    return image[::-1]
+    size = rows // SUPERSAMPLING, columns // SUPERSAMPLING
+    image = wp.array(np.tile(in_bytes(background), (*size, 1)), dtype=wp.uint8, device=subject.device)
+    inputs = [rendered.ids, len(subject.triangles), rendered.light, reflectance, vector(background), SUPERSAMPLING]
+    wp.launch(resolve_pixels, size, inputs=inputs, outputs=[image], device=subject.device)
+    found: NDArray[np.uint8] = image.numpy()
+    return found
 
 
 def surface(subject: Subject, view: View, ids: wp.array) -> tuple[wp.array, wp.array]:
