@@ -120,7 +120,6 @@ class Dresser:
         self._feet = Feet(avatar.points, wearing.skeleton, may_be_met=LEGS in wearing.limbs and worn is None)
         self._feet.draw_in(garments[0].points, self._posed)
         self._surface = self._feet.on(self._body.points(self._posed, THIN), self._posed)
-        self._slid = self._body.slid(self._posed)
         sewn = replace(outfit, garments=garments, avatar=replace(avatar, points=self._surface))
         attempt = Attempt(sewing, sewing, patience=Patience.NONE, posed=True)
         clock.lap("dress")
@@ -351,12 +350,12 @@ class Dresser:
         """Moves the body there, and the cloth with it, but for what the trunk slides along itself; [m]."""
         points = self.points
         self._feet.draw_in(points, self._curves)
-        surface, slid = self._feet.on(self._body.points(curves, thickness), curves), self._body.slid(curves)
+        surface = self._feet.on(self._body.points(curves, thickness), curves)
         if takes_cloth:
             exact = build_exact_collider(replace(self._avatar, points=self._surface), self._device, signed=False)
-            self._problem.model.set_points(followed(exact, surface - (slid - self._slid), points))
-        self._curves, self._thickness = curves, min(thickness, THICK)
-        self._surface, self._slid = surface, slid
+            slid = self._body.slid(curves) - self._body.slid(self._curves)
+            self._problem.model.set_points(followed(exact, surface - slid, points))
+        self._surface, self._curves, self._thickness = surface, curves, min(thickness, THICK)
         self._meet_body()
         self._relax(BURST)
         catch_up(partial(self._stretched, PULLED), partial(self._relax, BURST))
