@@ -280,10 +280,6 @@ class Wearing:
         """The openings that the wrong limbs pass through, with the garment at ``points`` [m]."""
         return misplaced_openings(self.openings, self.limbs, points, self.triangles, self.skeleton)
 
-    def is_astray(self, points: Points) -> bool:
-        """Whether a limb is outside its opening, or within the cloth, with the garment at ``points`` [m]."""
-        return bool(self.pierced(points)) or bool(self.misplaced(points))
-
     @cached_property
     def onto(self) -> Points:
         """Where the garment is to start on the body [m], shape [V, 3]."""

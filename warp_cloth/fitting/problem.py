@@ -260,8 +260,8 @@ def usual_first_attempt(scene: Scene, outfit: Outfit, device: str, cache: Cache,
     if attempt.posed or not attempt.touches or not (may_pose and may_begin_posed(scene, outfit)):
         return attempt
     (moved,) = placed([attempt.scene], [outfit], device, cache)
-    triples = zip(outfit.garments, moved.garments, outfit.wearing, strict=True)
-    if any(one is not other and wearing and wearing.is_astray(other.points) for one, other, wearing in triples):
+    points = np.concatenate([garment.points for garment in moved.garments])
+    if moved is not outfit and LimbPlacement.of(moved, points).is_astray:
         return posed_first(scene, outfit, "moved clear of the body it would be round the wrong limbs")
     return attempt
 
