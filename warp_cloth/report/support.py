@@ -276,11 +276,12 @@ def empty_openings(judged: Judged) -> Iterator[FitProblem]:
 
 def _unlimbed(judged: Judged) -> str:
     """A sentence that says why it was not dressed, where the body has no limbs that can be told; else empty."""
-    body = judged.of.body
-    reason = skeleton_or_reason(body) if body is not None and not judged.of.outfit.poses else ""
-    if not isinstance(reason, str) or not reason:
+    body, outfit = judged.of.body, judged.of.outfit
+    if body is None or outfit.poses or outfit.wearing[judged.index] is not None:
         return ""
-    return f" It started as it was placed, since no limbs of the body can be told: {reason}."
+    reason = skeleton_or_reason(body)
+    told = f" It started as it was placed, since no limbs of the body can be told: {reason}."
+    return told if isinstance(reason, str) else ""
 
 
 def _drop(judged: Judged) -> float:
