@@ -10,10 +10,11 @@ import pytest
 from cloths import grid
 
 from warp_cloth.base import chunks
-from warp_cloth.base.row_sums import LONGEST, RowSums
+from warp_cloth.base.row_sums import RowSums
 from warp_cloth.base.topology import build_topology, ragged_rows
 
 WIDTH = 41  # of a grid whose rows take several parts
+LONG = 64  # entries of a row, as few have
 
 
 def neighbours(mixed: bool) -> tuple[np.ndarray, np.ndarray, int]:
@@ -25,7 +26,7 @@ def neighbours(mixed: bool) -> tuple[np.ndarray, np.ndarray, int]:
     return edges[:, ::-1].T.ravel(), edges.T.ravel(), mesh.vertex_count
 
 
-@pytest.fixture(params=["own", "SciPy's"])
+@pytest.fixture(params=["bincount", "SciPy's"])
 def sparse(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without SciPy's sparse matrices, and with them."""
     module = importlib.import_module("scipy.sparse") if request.param == "SciPy's" else None
@@ -52,7 +53,7 @@ def test_they_are_those_of_bincount(mixed: bool, at_once: int, monkeypatch: pyte
 def test_entries_with_factors_are_rounded_before_they_are_added(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(chunks, "CHUNK_ROWS", at_once)
     rows, places, count = neighbours(mixed=True)
-    rows[: 2 * LONGEST] = 7
+    rows[: 2 * LONG] = 7
     rng = np.random.default_rng(6)
     held, factors = rng.normal(size=count), rng.normal(size=len(rows))
     summed = RowSums(rows, places, count, factors)(held)
@@ -65,7 +66,7 @@ def test_entries_with_factors_are_rounded_before_they_are_added(at_once: int, mo
 @pytest.mark.usefixtures("sparse")
 def test_rows_may_be_empty_or_very_long() -> None:
     rng = np.random.default_rng(5)
-    rows = np.concatenate([np.full(3 * LONGEST, 7), rng.integers(10, 60, 500), np.full(LONGEST + 1, 98)])
+    rows = np.concatenate([np.full(3 * LONG, 7), rng.integers(10, 60, 500), np.full(LONG + 1, 98)])
     rng.shuffle(rows)
     places, held = rng.integers(0, 33, len(rows)), rng.normal(size=33)
     summed = RowSums(rows, places, 100)(held)
@@ -77,10 +78,3 @@ def test_there_may_be_no_entries_at_all() -> None:
     none = np.zeros(0, dtype=np.int64)
     assert (RowSums(none, none, 5)(np.zeros(3)) == np.zeros(5)).all()
     assert len(RowSums(none, none, 0)(np.zeros(0))) == 0
-
-
-def test_of_a_regular_grid_few_places_are_looked_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "scipy.sparse", None)  # type: ignore[arg-type]
-    rows, places, count = neighbours(mixed=False)
-    looked_up = sum(len(part.rows) for part in RowSums(rows, places, count)._chunks.values())
-    assert looked_up < 5 * WIDTH
