@@ -21,7 +21,7 @@ from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.goal import Goal
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import relax_items
 
 LIMIT = 8000  # iterations; they take 1,800 to 5,700 (the sheet 2,500 to 3,300 over balls that differ by 1 nm to 30 um)
 # The rim of what the avatar holds still rolls with the free folds as long as these settle: creep is told from that once
@@ -43,7 +43,7 @@ def at_rest(folder: Path, name: str) -> Problem:
     garment = {"mesh": str(folder / "cloth.obj"), "rest": "uv", "units": "m", "fabric": "jersey", **of_garment}
     made = load_problem(load_scene({"garment": garment, "collision": {"cloth": True}, **of_scene}), "cpu")
     follow = collider_updates(made)
-    outcome = relax_to_rest(made.certifier, Goal(SETTLED, LIMIT), follow=follow, schedule=made.schedule)
+    (outcome,) = relax_items(made.certifier, [Goal(SETTLED, LIMIT)], follow=follow, schedule=made.schedule)
     assert outcome.status is Status.AT_REST
     return made
 

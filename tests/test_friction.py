@@ -13,7 +13,7 @@ import warp_cloth
 from warp_cloth.fitting.problem import Problem, collider_updates, limit_of, load_problem, tolerance_of
 from warp_cloth.model.result import Status
 from warp_cloth.solver.goal import Goal
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import relax_items
 
 WITHIN = 2.0  # [degrees] of the angle of friction, on either side
 HELD = 1e-3  # [m] that cloth which holds may move: it stretches under its own weight
@@ -76,7 +76,9 @@ def worn_t_shirt(*overrides: str) -> tuple[Problem, np.ndarray]:
     own = ["garment.shape.edge_mm=30", "collision.pixel_mm=4", "collision.cloth=false"]
     scene = warp_cloth.load_scene("tshirt", [*own, *overrides])
     made = load_problem(scene, "cpu")
-    outcome = relax_to_rest(made.certifier, Goal(tolerance_of(scene), limit_of(scene)), follow=collider_updates(made))
+    (outcome,) = relax_items(
+        made.certifier, [Goal(tolerance_of(scene), limit_of(scene))], follow=collider_updates(made)
+    )
     assert outcome.status is Status.AT_REST
     return made, outcome.points
 

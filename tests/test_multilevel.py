@@ -28,7 +28,7 @@ from warp_cloth.solver.goal import Goal, Outcome
 from warp_cloth.solver.implicit.coarse_garments import build_hierarchy
 from warp_cloth.solver.implicit.multilevel import CHECK_EVERY, PACE_BOUNDS, MultilevelRelaxation
 from warp_cloth.solver.implicit.options import ImplicitOptions, Pace
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import relax_items
 from warp_cloth.solver.reduction import launch_blocks, split_into_chunks
 from warp_cloth.solver.relax import TIGHTER
 from warp_cloth.solver.step_options import StepOptions
@@ -64,7 +64,8 @@ def rest_of(garment: Garment) -> Outcome:
     relaxation = relaxation_of([garment])
     certifier = Certifier(relaxation)
     wp.force_load("cpu", modules=[kernel.module for kernel in certifier.kernels()])
-    return relax_to_rest(certifier, Goal(Tolerance(), LIMIT))
+    (outcome,) = relax_items(certifier, [Goal(Tolerance(), LIMIT)])
+    return outcome
 
 
 def shape_after(garments: list[Garment], iterations: int = 60, gathers: bool | None = None) -> np.ndarray:
@@ -119,7 +120,7 @@ def test_overstretched_seams_are_closed_before_steps_are_implicit() -> None:
 def test_any_number_of_iterations_can_be_asked_for(iterations: int) -> None:
     relaxation = relaxation_of([hanging(9)])
     certifier = Certifier(relaxation)
-    outcome = relax_to_rest(certifier, Goal(Tolerance(), iterations))
+    (outcome,) = relax_items(certifier, [Goal(Tolerance(), iterations)])
     assert outcome.status is Status.ITERATION_LIMIT
     assert np.isfinite(outcome.points).all()
 
@@ -171,7 +172,7 @@ def test_cloth_at_rest_on_a_ball_stays_there() -> None:
     overrides = ["garment.shape.vertices_per_side=17", "solver.method=multilevel", "garment.fabric={stretch = 20000}"]
     overrides += ["collision.pixel_mm=10"]
     made = load_problem(load_scene("sphere", overrides), "cpu")
-    outcome = relax_to_rest(made.certifier, Goal(Tolerance(), LIMIT), follow=collider_updates(made))
+    (outcome,) = relax_items(made.certifier, [Goal(Tolerance(), LIMIT)], follow=collider_updates(made))
     assert outcome.status is Status.AT_REST
     for _ in range(outcome.iterations // 100):
         made.relaxation.run(100)
@@ -191,9 +192,9 @@ def test_on_a_ball_scattered_and_gathered_forces_give_the_same_bits(monkeypatch:
         monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=gathers))
         made = load_problem(load_scene("sphere", changes), "cpu")
         start_coarse(made)
-        outcome = relax_to_rest(
+        (outcome,) = relax_items(
             made.certifier,
-            Goal(Tolerance(0.0, 0.0, 0.0), 900),
+            [Goal(Tolerance(0.0, 0.0, 0.0), 900)],
             follow=collider_updates(made),
             ahead=gathers,
         )

@@ -22,7 +22,7 @@ from warp_cloth.model.result import Status
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.goal import Goal
 from warp_cloth.solver.implicit.multilevel import build_relaxation
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import relax_items
 from warp_cloth.solver.step_options import Method, StepOptions
 
 APART = 1e-4  # [m, rms], what issue 3 asks of a garment that touches nothing
@@ -70,7 +70,7 @@ def test_rest_is_where_the_energy_is_least(
     relaxation = build_relaxation(StepOptions(method=method), model, [Collider()], [loaded])
     certifier = Certifier(relaxation)
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + certifier.kernels()])
-    outcome = relax_to_rest(certifier, Goal(CLOSE, LIMIT))
+    (outcome,) = relax_items(certifier, [Goal(CLOSE, LIMIT)])
     assert outcome.status is Status.AT_REST
 
     way = np.linalg.norm(outcome.points - least, axis=1)

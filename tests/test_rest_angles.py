@@ -26,7 +26,7 @@ from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.strains import element_energies
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.goal import Goal
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import relax_items
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import StepOptions
 
@@ -77,7 +77,7 @@ def test_a_crease_that_is_pressed_flat_folds_back(degrees: float) -> None:
     relaxation.step.gravity = cloth_types("mixed").vec3(0.0, 0.0, 0.0)
     certifier = Certifier(relaxation)
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + certifier.kernels()])
-    outcome = relax_to_rest(certifier, Goal(Tolerance(rest_error=1e-4), 20_000))
+    (outcome,) = relax_items(certifier, [Goal(Tolerance(rest_error=1e-4), 20_000)])
     topology = build_topology(mesh.triangles, mesh.vertex_count)
     away = fold_angles(outcome.points, topology) - rest.hinge_angle
     assert outcome.status is Status.AT_REST

@@ -45,10 +45,10 @@ from warp_cloth.fitting.problem import (
     tolerance_of,
 )
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.certificate.certifier import Check, Tolerance
+from warp_cloth.solver.certificate.certifier import Check, Measurement, Tolerance
 from warp_cloth.solver.goal import Goal
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import relax_items
 
 WITHIN_MM = {"hanging": 0.1, "strip": 0.1, "ball": 0.5}  # rms
 WEIGHTS = 0.01  # rms, of contact-free scenes
@@ -89,9 +89,9 @@ class Watch:
     at_rest: Points | None = None  # the shape there
     check: Check | None = field(default=None)
 
-    def see(self, check: Check, _: float) -> None:
-        """Called with every check."""
-        self.check = check
+    def see(self, measured: Measurement, _: float) -> None:
+        """Called with every measurement."""
+        self.check = check = self.problem.certifier.check(measured, 0)
         if not self.rest and check.within(self.wanted):
             self.rest, self.at_rest = check.iteration, self.problem.model.points()
         if self.done():
@@ -127,9 +127,9 @@ def fitted(case: Case, problem: Problem, row: dict[str, Any]) -> Watch:
     beyond = Tolerance(wanted.relative_rms, wanted.relative_p99, 1e-3 * WITHIN_MM[case.kind])
     watch = Watch(problem, wanted, beyond, math.inf if case.kind == "ball" else WEIGHTS)
     with suppress(ReachedError):
-        relax_to_rest(
+        relax_items(
             problem.certifier,
-            Goal(NEVER, LIMIT),
+            [Goal(NEVER, LIMIT)],
             follow=collider_updates(problem),
             on_check=watch.see,
             ahead=False,
@@ -174,8 +174,9 @@ def run_on(case: Case, wanted: FitOptions, other: Problem, problem: Problem) -> 
         other.relaxation.set_collider(0, other.contact.reused_from(problem.contact, points))
     most = BEYOND_LIMIT[method] if wanted.limit is None else wanted.limit
 
-    def show(check: Check, seconds: float) -> None:
-        if check.iteration % PRINTED == 0:
+    def show(measured: Measurement, seconds: float) -> None:
+        if measured.iteration % PRINTED == 0:
+            check = other.certifier.check(measured, 0)
             rms, largest = apart(other.model.points(), points)
             print(
                 f"{case.name}, {wanted.start}: {rms:.3g} mm rms, {largest:.3g} at most after {check.iteration}, "
@@ -183,7 +184,7 @@ def run_on(case: Case, wanted: FitOptions, other: Problem, problem: Problem) -> 
                 flush=True,
             )
 
-    outcome = relax_to_rest(other.certifier, Goal(BEYOND, most), follow=collider_updates(other), on_check=show)
+    (outcome,) = relax_items(other.certifier, [Goal(BEYOND, most)], follow=collider_updates(other), on_check=show)
     words = f"float64 {method}, {outcome.iterations} iterations, {1e3 * outcome.check.rest_error:.3g} mm left"
     return outcome.points, outcome.check.residual.rms, words
 

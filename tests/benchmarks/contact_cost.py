@@ -34,7 +34,7 @@ from warp_cloth.garment.outfit import Outfit, load_outfit
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.goal import Goal
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import relax_items
 
 NEVER = Tolerance(0.0, 0.0, 0.0)
 PHASES = ("sewing", "untangling", "falling", "worn")  # asleep, till nothing crosses, till forces balance, from then on
@@ -110,9 +110,9 @@ class Fits:
         limit = iterations or limit_of(self.scene)
         wp.synchronize_device(self._device)
         began = time.perf_counter()
-        out = relax_to_rest(
+        (out,) = relax_items(
             made.certifier,
-            Goal(tolerance, limit),
+            [Goal(tolerance, limit)],
             follow=collider_updates(made),
             schedule=made.schedule,
         )

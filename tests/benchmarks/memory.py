@@ -19,7 +19,7 @@ from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.problem import collider_updates, load_problem, tolerance_of
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.goal import Goal
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import relax_items
 from warp_cloth.study.footprint import memory_of
 
 
@@ -55,9 +55,9 @@ def main() -> None:
         + ", ".join(f"{k} {1e-9 * v:.3f}" for k, v in planned.items())
     )
     tell("built", whole - 1e-9 * planned["report"])
-    outcome = relax_to_rest(
+    (outcome,) = relax_items(
         problem.certifier,
-        Goal(tolerance_of(scene), options.iterations),
+        [Goal(tolerance_of(scene), options.iterations)],
         follow=collider_updates(problem),
         schedule=problem.schedule,
     )

@@ -25,9 +25,10 @@ from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.batch.lifeline import sigint_blocked
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, start_coarse, tolerance_of
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.certificate.certifier import Check, Tolerance
+from warp_cloth.solver.certificate import certifier
+from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.goal import Goal
-from warp_cloth.solver.loop import BURST, relax_to_rest
+from warp_cloth.solver.loop import BURST, relax_items
 from warp_cloth.solver.step_options import StepOptions
 
 LIMITS = MappingProxyType({"direct": 20_000, "momentum": 20_000, "accelerated": 40_000, "multilevel": 20_000})
@@ -132,8 +133,9 @@ def run_case(
     model, looks, shapes = problem.model, [], []
     wanted, idle, stored, rest = tolerance_of(problem.scenes[0]), 0.0, 0, 0
 
-    def seen(check: Check, seconds: float) -> None:
+    def seen(measurement: certifier.Measurement, seconds: float) -> None:
         nonlocal idle, stored, rest
+        check = problem.certifier.check(measurement, 0)
         entered = time.perf_counter()
         shape: Points | None = None
         certified = not rest and check.within(wanted)
@@ -145,9 +147,9 @@ def run_case(
         looks.append((check, before + seconds - idle))
         idle += time.perf_counter() - entered
 
-    outcome = relax_to_rest(
+    (outcome,) = relax_items(
         problem.certifier,
-        Goal(BEYOND, limit),
+        [Goal(BEYOND, limit)],
         follow=collider_updates(problem),
         on_check=seen,
         ahead=False,

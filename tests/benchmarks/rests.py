@@ -34,7 +34,7 @@ from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, 
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.goal import Goal
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import relax_items
 
 FOLDED: dict[str, tuple[Callable[[], Folded], Tree, Tree]] = {
     "folded sheet": (partial(folded_sheet, 61, 0.4, 0.306), {}, {"avatar": BALL}),
@@ -68,7 +68,7 @@ def rested(name: str, tolerance: float, limit: int, device: str) -> dict[str, An
         made = load_problem(scene, device)
     began = time.perf_counter()
     goal = Goal(tolerance_of(scene), scene.solver.iterations)
-    outcome = relax_to_rest(made.certifier, goal, follow=collider_updates(made), schedule=made.schedule)
+    (outcome,) = relax_items(made.certifier, [goal], follow=collider_updates(made), schedule=made.schedule)
     seconds = time.perf_counter() - began
     cloth_contact = made.relaxation.cloth_contact
     pairs = find_crossings(outcome.points, cloth_contact.sheets, device).pairs

@@ -27,7 +27,7 @@ from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import collider_updates, start_coarse, tolerance_of
 from warp_cloth.model.result import Status
 from warp_cloth.solver.goal import Goal
-from warp_cloth.solver.loop import BURST, relax_to_rest
+from warp_cloth.solver.loop import BURST, relax_items
 
 LIMIT = 20_000
 
@@ -39,9 +39,9 @@ def fitted(case: Case, device: str, start: int, further: int) -> tuple[float, st
     if start:
         shake(problem, start)
     levels = start_coarse(problem)
-    outcome = relax_to_rest(
+    (outcome,) = relax_items(
         problem.certifier,
-        Goal(tolerance_of(problem.scenes[0]), LIMIT),
+        [Goal(tolerance_of(problem.scenes[0]), LIMIT)],
         follow=collider_updates(problem),
         ahead=False,
     )

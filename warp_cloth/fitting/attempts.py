@@ -23,6 +23,7 @@ from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.attempt import TORN, Attempt, CutShort, Ended, best_of
 from warp_cloth.model.next_attempt import next_attempt
 from warp_cloth.model.result import AttemptRun, LevelRun, Status
+from warp_cloth.solver.certificate.certifier import Measurement
 from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.goal import Outcome
 from warp_cloth.solver.loop import relax_items
@@ -217,8 +218,12 @@ def _worn_after(run: Run, paddings: int) -> Outfit:
     return replace(outfit, padded=replace(surface, points=points))
 
 
-def relax_problem(problem: Problem, on_burst: Callable[[int, Relaxation], None] | None = None) -> list[Outcome]:
-    """Relaxes the items of a problem; ``on_burst`` as in ``relax_items``."""
+def relax_problem(
+    problem: Problem,
+    on_burst: Callable[[int, Relaxation], None] | None = None,
+    on_check: Callable[[Measurement, float], None] | None = None,
+) -> list[Outcome]:
+    """Relaxes the items of a problem; ``on_burst`` and ``on_check`` as in ``relax_items``."""
     return relax_items(
         problem.certifier,
         problem.goals(),
@@ -227,6 +232,7 @@ def relax_problem(problem: Problem, on_burst: Callable[[int, Relaxation], None] 
         crosses=problem.crossing_items,
         astray=problem.is_astray,
         falls=problem.falling_items,
+        on_check=on_check,
         on_burst=on_burst,
     )
 

@@ -19,13 +19,13 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.first_run import note_kernels
 from warp_cloth.base.threads import one_thread_at_a_time
 from warp_cloth.export.formats import check_frames, chosen_formats
-from warp_cloth.fitting.attempts import finished_runs, tried_further
+from warp_cloth.fitting.attempts import finished_runs, relax_problem, tried_further
 from warp_cloth.fitting.band import check_band, with_band
 from warp_cloth.fitting.film import Dressing
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.measured_maps import with_maps
 from warp_cloth.fitting.predrape import prepare_start
-from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
+from warp_cloth.fitting.problem import Problem, load_problem
 from warp_cloth.fitting.warm_start import earlier_garments, start_from
 from warp_cloth.garment.outfit import MeshCache
 from warp_cloth.maps import add_girths, chosen_colour, chosen_maps
@@ -35,9 +35,10 @@ from warp_cloth.model.result import FitResult, LevelRun
 from warp_cloth.report.shown import shown_verdict
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.scene.stage import USD_SUFFIXES
-from warp_cloth.solver.certificate.certifier import Check
+from warp_cloth.solver.certificate.certifier import Measurement
+from warp_cloth.solver.frame_recorder import FrameRecorder
 from warp_cloth.solver.goal import Outcome
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import BURST
 
 MOST_KEPT = 256  # entries of either cache; a T-shirt's fabric takes 2 and its size about 10, of some megabytes together
 DEVICE_BYTES = 1 << 28  # [bytes] of colliders that later answers may use
@@ -279,22 +280,16 @@ def _relax(problem: Problem, frames: int, progress: Callable[[Progress], None] |
     limit = goal.limit if goal.patience is Patience.NONE else 0
     tolerance = problem.scenes[0].solver.tolerance_mm
 
-    def report_check(check: Check, seconds: float) -> None:
+    def report_check(measured: Measurement, seconds: float) -> None:
         if progress is not None:
+            check = problem.certifier.check(measured, 0)
             rate = check.iteration / seconds if seconds > 0.0 else None
             residual = check.residual.relative_rms
             progress(Progress("relax", check.iteration, limit, residual, check.rest_error * 1e3, rate, tolerance))
 
     if progress is not None:
         progress(Progress("relax", 0, limit))
-    return relax_to_rest(
-        problem.certifier,
-        goal,
-        frames=frames,
-        follow=collider_updates(problem),
-        schedule=problem.schedule,
-        crosses=problem.crossing_items,
-        astray=problem.is_astray,
-        falls=problem.falling_items,
-        on_check=report_check if progress is not None else None,
-    )
+    recorder = FrameRecorder(frames, BURST, goal.limit)
+    (outcome,) = relax_problem(problem, recorder.offer if frames else None, report_check)
+    outcome.frames = recorder.frames
+    return outcome

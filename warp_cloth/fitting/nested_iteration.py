@@ -22,7 +22,7 @@ from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.goal import Goal
 from warp_cloth.solver.implicit.coarse_garments import Hierarchy, prolong_shape
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
-from warp_cloth.solver.loop import Boxes, Follow, relax_to_rest
+from warp_cloth.solver.loop import Boxes, Follow, relax_items
 
 if TYPE_CHECKING:
     from warp_cloth.avatar.contact import AvatarContact
@@ -77,7 +77,7 @@ def start_from_coarse(
         follow = None if tracker is None else tracker.callback(model)
         if runs and runs[-1].status is not Status.DIVERGED:
             level.start_near_rest()
-        outcome = relax_to_rest(certifier, Goal(looser, limit), follow=follow)
+        (outcome,) = relax_items(certifier, [Goal(looser, limit)], follow=follow)
         runs.append(LevelRun(model.vertex_count, outcome.iterations, outcome.status))
         finer = levels[number - 1] if number else relaxation.hierarchies
         if outcome.status is not Status.DIVERGED:

@@ -17,7 +17,7 @@ from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.contact_schedule import ContactSchedule
 from warp_cloth.solver.goal import Goal
-from warp_cloth.solver.loop import BURST, Follow, relax_to_rest
+from warp_cloth.solver.loop import BURST, Follow, relax_items
 from warp_cloth.solver.relax import Relaxation
 
 # Largest displacement of the surface near the garment in one step [m]: a fraction of what the cloth can move in a
@@ -59,8 +59,8 @@ def follow_poses(
         poses: the avatar's vertices [m], each shape [V, 3].
         tolerance: what counts as rest; a multiple of it counts as worn.
         limit: of the iterations until worn.
-        follow: see ``relax_to_rest``.
-        schedule: see ``relax_to_rest``.
+        follow: see ``relax_items``.
+        schedule: see ``relax_items``.
     """
     worn = Tolerance(
         min(WORN * tolerance.relative_rms, 1.0),
@@ -68,7 +68,7 @@ def follow_poses(
         WORN * tolerance.rest_error,
         WORN * tolerance.growing,
     )
-    outcome = relax_to_rest(certifier, Goal(worn, limit), follow=follow, schedule=schedule, ahead=False)
+    (outcome,) = relax_items(certifier, [Goal(worn, limit)], follow=follow, schedule=schedule, ahead=False)
     iterations, steps = outcome.iterations, 0
     for start, end in itertools.pairwise(poses):
         count = _steps(relaxation.model.points(), start, end)

@@ -23,7 +23,6 @@ from warp_cloth.solver.certificate.certifier import (
 )
 from warp_cloth.solver.certificate.summary import PendingFigures
 from warp_cloth.solver.contact_schedule import ContactSchedule
-from warp_cloth.solver.frame_recorder import FrameRecorder
 from warp_cloth.solver.goal import SEWN, Goal, Outcome
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
 from warp_cloth.solver.relax import Relaxation
@@ -60,55 +59,6 @@ FALLING, FALLING_IN_CONTACT = 200.0, 600.0
 def bursts(relaxation: Relaxation) -> tuple[int, ...]:
     """Iterations of each graph between two checks, if nothing has to be done in between."""
     return (BURST * BURSTS_PER_CHECK,) if relaxation.runs_long else (BURST,) * BURSTS_PER_CHECK
-
-
-def relax_to_rest(
-    certifier: Certifier,
-    goal: Goal,
-    *,
-    frames: int = 0,
-    follow: Follow | None = None,
-    schedule: ContactSchedule | None = None,
-    crosses: Crosses | None = None,
-    astray: Astray | None = None,
-    falls: Falls | None = None,
-    on_check: Callable[[Check, float], None] | None = None,
-    ahead: bool | None = None,
-) -> Outcome:
-    """Runs the iterations of a single item, as ``relax_items`` does.
-
-    Args:
-        certifier: of the relaxation that iterates.
-        goal: when to stop.
-        frames: number of intermediate shapes to record, at least.
-        follow: gives new colliders to items that leave the region of the old ones.
-        schedule: of contact of cloth with cloth.
-        crosses: tells whether the cloth passes through itself, where the goal says that the fit ends then.
-        astray: tells whether the cloth is wound round a limb, where it stays tangled.
-        falls: tells whether cloth falls that nothing can catch, where it comes down.
-        on_check: called with every check and the seconds so far.
-        ahead: as in relax_items.
-    """
-    recorder = FrameRecorder(frames, BURST, goal.limit)
-
-    def report(measured: Measurement, seconds: float) -> None:
-        if on_check is not None:
-            on_check(certifier.check(measured, 0), seconds)
-
-    (outcome,) = relax_items(
-        certifier,
-        [goal],
-        follow=follow,
-        schedule=schedule,
-        crosses=crosses,
-        astray=astray,
-        falls=falls,
-        on_check=report if on_check is not None else None,
-        on_burst=recorder.offer if frames else None,
-        ahead=ahead,
-    )
-    outcome.frames = recorder.frames
-    return outcome
 
 
 def relax_items(
