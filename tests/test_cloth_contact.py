@@ -16,7 +16,6 @@ from warp_cloth.avatar.collider import Collider
 from warp_cloth.contact.arrays import LEAST_THICKNESS
 from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.contact.crossing import find_crossings
-from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.model.attempt import CutShort, Patience
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.contact_schedule import ContactSchedule
@@ -144,15 +143,6 @@ def test_a_flat_sheet_does_not_touch_itself_however_fine() -> None:
         model, cloth_contact, _ = sheets_at([mesh])
         look(model, cloth_contact)
         assert not np.abs(contact_forces(model, cloth_contact)).any()
-
-
-def test_garments_of_different_items_pass_through_each_other() -> None:
-    low_bits, above = lying(grid(6, 0.1)), moved(lying(grid(6, 0.1)), 0.003, 0.5 * THICKNESS, 0.002)
-    for items, touches in (((0, 0), True), ((0, 1), False)):
-        kinds = [SheetKind(THICKNESS, 0.3, item=item) for item in items]
-        model, cloth_contact, _ = sheets_at([low_bits, above], kinds=kinds)
-        look(model, cloth_contact)
-        assert np.abs(contact_forces(model, cloth_contact)).any() == touches
 
 
 def dropped(momentum: float, gathers: bool | None = None) -> tuple[Relaxation, ClothContact]:

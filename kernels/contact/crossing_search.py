@@ -140,9 +140,8 @@ def walk_of_edges(context: Any, group: int, all: bool):
     edge = search.edge_tree.leaf[WIDTH * group]
     if edge >= 0 and (all or is_tangled(search, query_of(ON_EDGE, group))):
         less = least_box_margin(context.contact)
-        leaves = search.leaves[search.item[search.edges[edge][0]]]
         low, high = load_box(search.edge_tree, 1, group)
-        walk = start_walk(search.triangle_tree, low + less, high - less, leaves[0], leaves[1])
+        walk = start_walk(search.triangle_tree, low + less, high - less, 0, search.triangle_tree.leaf.shape[0])
         query.group = group
     return walk, query
 
@@ -154,9 +153,8 @@ def walk_of_triangles(context: Any, group: int, all: bool):
     triangle = search.triangle_tree.leaf[WIDTH * group]
     if triangle >= 0 and not all and is_tangled(search, query_of(BY_TRIANGLE, group)):
         less = least_box_margin(context.contact)
-        leaves = search.leaves[search.item[search.triangles[triangle][0]]]
         low, high = load_box(search.triangle_tree, 1, group)
-        walk = start_walk(search.edge_tree, low + less, high - less, leaves[2], leaves[3])
+        walk = start_walk(search.edge_tree, low + less, high - less, 0, search.edge_tree.leaf.shape[0])
         query.group = group
     return walk, query
 
@@ -172,10 +170,10 @@ def walk_of_vertices(context: Any, group: int, all: bool, side: int):
     if vertex >= 0 and (all or is_tangled(search, query_of(ON_TRIANGLE, group))):
         margin = float(context.extra.layer_depth) + SLACK
         wide = wp.vec3f(margin, margin, margin)
-        item, own = search.leaves[search.item[vertex]], context.extra.own_leaves[vertex]
+        own = context.extra.own_leaves[vertex]
         low, high = vertex_group_box(context.state, search, context.contact, group)
-        begin = wp.where(side == 0, item[0], own[1])
-        end = wp.where(side == 0, own[0], item[1])
+        begin = wp.where(side == 0, 0, own[1])
+        end = wp.where(side == 0, own[0], search.triangle_tree.leaf.shape[0])
         walk = start_walk(search.triangle_tree, low - wide, high + wide, begin, end)
         query.group = group
     return walk, query

@@ -210,17 +210,15 @@ def near_groups_kernel(precision: str) -> wp.Kernel:
         if group < edge_groups:
             edge = search.edge_tree.leaf[WIDTH * group]
             if edge >= 0:
-                last = search.leaves[search.item[search.edges[edge][0]]][3]
                 low, high = load_box(search.edge_tree, 1, group)
-                walk = start_walk(search.edge_tree, low, high, WIDTH * group, last)
+                walk = start_walk(search.edge_tree, low, high, WIDTH * group, search.edge_tree.leaf.shape[0])
                 wanted = True
         else:
             query = query_of(ON_TRIANGLE, group - edge_groups)
             vertex = search.vertex[WIDTH * query.group]
             if vertex >= 0:
-                leaves = search.leaves[search.item[vertex]]
                 low, high = vertex_group_box(state, search, contact, query.group)
-                walk = start_walk(search.triangle_tree, low, high, leaves[0], leaves[1])
+                walk = start_walk(search.triangle_tree, low, high, 0, search.triangle_tree.leaf.shape[0])
                 wanted = True
         if wanted:
             walk_groups(context, tree_of(search, query.kind == ON_TRIANGLE), walk, query)

@@ -32,21 +32,16 @@ SLACK = wp.constant(wp.float32(1.0e-6))  # [m]; outweighs the rounding of a box 
 
 @wp.struct
 class ContactSearch:
-    """The geometry that is searched: E edges and F triangles over V vertices, and trees of their boxes.
-
-    A tree holds all items, the garments of each together.
-    """
+    """The geometry that is searched: E edges and F triangles over V vertices, and trees of their boxes."""
 
     triangles: wp.array(dtype=wp.vec3i)  # shape [F]
     edges: wp.array(dtype=wp.vec2i)  # shape [E]
-    item: wp.array(dtype=wp.int32)  # vertices of different items do not collide, shape [V]
     longest: wp.array(dtype=wp.float32)  # length from which an edge is a seam that has yet to close [m], shape [E]
     sides: wp.array(dtype=wp.vec3i)  # edges of each triangle, shape [F]
     near_start: wp.array(dtype=wp.int32)  # rows of the vertices near each one in the rest shape, shape [V + 1]
     near: wp.array(dtype=wp.int32)  # those vertices, itself among them
     triangle_tree: BoxTree
     edge_tree: BoxTree
-    leaves: wp.array(dtype=wp.vec4i)  # first and end of each item's triangles in their tree, then of its edges
     vertex: wp.array(dtype=wp.int32)  # vertices in spatial order; -1: none, so that a group has one layer only
     corners: wp.array(dtype=wp.vec3i)  # of the triangles, in the tree's order
     ends: wp.array(dtype=wp.vec2i)  # of the edges, in the tree's order

@@ -38,7 +38,7 @@ class Untangling:
     rim: wp.array(dtype=wp.int32)  # whether a vertex lies on the garment's border, shape [V]
     adjacent_start: wp.array(dtype=wp.int32)  # rows of the vertices that share an edge with each one, shape [V + 1]
     adjacent: wp.array(dtype=wp.int32)  # those vertices, shape [2 E]
-    layer: wp.array(dtype=wp.int32)  # of the vertex's garment in its item, from the inside out, shape [V]
+    layer: wp.array(dtype=wp.int32)  # of the vertex's garment, from the inside out, shape [V]
     own_leaves: wp.array(dtype=wp.vec2i)  # first and end of its layer's triangles in the tree, shape [V]
     outward: wp.array(dtype=wp.float32)  # 1 where triangles face away from the body, or -1, shape [V]
     layer_depth: float  # greatest distance on the wrong side of another layer at which a vertex is found [m]

@@ -93,8 +93,6 @@ def search_arrays(
     search = ContactSearch()
     search.triangles = wp.array(permutation.of(sheets.triangles), dtype=wp.vec3i)
     search.edges = wp.array(permutation.of(sheets.edges), dtype=wp.vec2i)
-    items = np.array([kind.item for kind in kinds], dtype=np.int32)
-    search.item = wp.array(permutation.rows(per_vertex(sheets, items)), dtype=wp.int32)
     near = np.concatenate([vertices + first for (_, vertices), first in zip(rows, start, strict=False)])
     near_start, near = permutation.lists(np.concatenate([[0], np.cumsum(counts)]), permutation.of(near))
     search.near_start, search.near = wp.array(near_start, dtype=wp.int32), wp.array(near, dtype=wp.int32)
@@ -113,8 +111,8 @@ def build_trees(
 
     Both as in leaf_order.sheet_order, of triangles, edges and vertices one after another.
     """
-    both, sheet_of = np.unique([(kind.item, kind.layer) for kind in kinds], axis=0, return_inverse=True)
-    sheet = per_vertex(sheets, sheet_of.reshape(-1).astype(np.int32))
+    _, sheet_of = np.unique([kind.layer for kind in kinds], return_inverse=True)
+    sheet = per_vertex(sheets, sheet_of.astype(np.int32))
     alone = np.arange(sheets.vertex_count, dtype=np.int32)[:, None]
     all_of_it = (sheets.triangles, sheets.edges, alone)
     triangles, edges, vertices = (sheet_order(sheet[of[:, 0]]) for of in all_of_it)
@@ -122,10 +120,6 @@ def build_trees(
     search.corners = wp.zeros(len(triangles[0]), dtype=wp.vec3i)
     search.ends = wp.zeros(len(edges[0]), dtype=wp.vec2i)
     search.vertex = wp.full(len(vertices[0]), -1, dtype=wp.int32)
-    of_item = np.searchsorted(both[:, 0], np.arange(both[-1, 0] + 2))  # first sheet of each item
-    starts = (triangles[1], edges[1])
-    leaves = [each[of_item[at : len(of_item) - 1 + at]] for each in starts for at in (0, 1)]
-    search.leaves = wp.array(np.stack(leaves, axis=1), dtype=wp.vec4i)
     own = np.stack([triangles[1][sheet], triangles[1][sheet + 1]], axis=1)
     untangling.own_leaves = wp.array(permutation.rows(own), dtype=wp.vec2i)
     orders = [triangles[0], edges[0], np.where(vertices[0] < 0, -1, permutation.of(vertices[0]))]

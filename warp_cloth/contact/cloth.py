@@ -92,7 +92,7 @@ class ClothContact:
         self.settled = False  # whether forces have balanced
         self.implicit_steps = False  # whether iterations are implicit steps, which are long and few
         self.untangles = True  # whether searches also find and undo crossings
-        self.layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
+        self.layered = len({kind.layer for kind in kinds}) > 1
         # read-back: the count of open seams or of pairs, then those of crossings
         self._counts = wp.zeros(1 + CROSSING_COUNTS, dtype=wp.int32, device="cpu", pinned=self._device.is_cuda)
         self._saved_pairs: list[wp.array] = []

@@ -19,8 +19,7 @@ class SheetKind:
 
     thickness: float  # [m]
     friction: float
-    item: int = 0  # garments of different items do not collide
-    layer: int = 0  # among the item's garments, from the inside out
+    layer: int = 0  # among the garments, from the inside out
 
 
 def sheets_of(garments: Sequence[Garment]) -> Sheets:
