@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 from cloths import grid
 from designs.geometry import segments_hit
 
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.topology import build_topology
-from warp_cloth.contact.crossing import Sheets, find_crossings
+from warp_cloth.contact.crossing import Sheets, find_crossings, find_pierced
 from warp_cloth.loading import load_mesh
 
 SOUP_SIZE = 60  # triangles, in a box not much wider than each: they cross in many places
@@ -73,7 +74,10 @@ def test_a_sheet_through_another_crosses_along_its_whole_width() -> None:
 
 def test_garments_of_different_items_do_not_meet() -> None:
     points, both = two_grids([0.003, 0.007, 0.002], turned=True)
-    assert not len(find_crossings(points, both, "cpu", items=[0, 1]).pairs)
+    with wp.ScopedDevice("cpu"):
+        triangles, edges = wp.array(both.triangles, dtype=wp.vec3i), wp.array(both.edges, dtype=wp.vec2i)
+        item = wp.array(np.repeat([0, 1], np.diff(both.vertex_start)), dtype=wp.int32)
+        assert not len(find_pierced(wp.array(points, dtype=wp.vec3d), triangles, edges, item))
 
 
 @pytest.mark.parametrize("offset", [[0.003, 0.007, 0.001], [0.0, 0.0, 1e-9], [0.003, 0.007, 0.0]])

@@ -92,7 +92,6 @@ class ExactCollider:
 def build_exact_collider(
     avatar: Mesh,
     device: wp.DeviceLike = None,
-    depth: float = DEFAULT_DEPTH,
     reach: float = DEFAULT_REACH,
     *,
     signed: bool = True,
@@ -114,7 +113,7 @@ def build_exact_collider(
     )
     collider = kernels.MeshCollider()
     collider.mesh, collider.origin = mesh.id, wp.vec3d(*origin)
-    collider.depth, collider.reach = depth, reach
+    collider.depth, collider.reach = DEFAULT_DEPTH, reach
     return ExactCollider(collider, mesh, avatar, orientation)
 
 

@@ -64,10 +64,10 @@ class StageClock:
             seconds[stage] = seconds.get(stage, 0.0) + spent
 
 
-def command_clock(on_begin: Callable[[str], None] = lambda _: None) -> StageClock:
+def command_clock() -> StageClock:
     """A clock of a command: it has measured the start of the process, and is at the first import."""
     since, before = _BEGAN.get() or (IMPORTED, seconds_before(IMPORTED))
-    clock = StageClock(on_begin, since=since)
+    clock = StageClock(since=since)
     clock.seconds["start"] = before
     return clock
 

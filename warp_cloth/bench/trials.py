@@ -188,9 +188,7 @@ class Drape:
         return drape_coefficient(self.settled.points, self.mesh.triangles)
 
 
-def drape(
-    rings: int, fabric: Fabric, *, discs: int = DISCS, device: str = "cpu", iterations: int = DRAPE_ITERATIONS
-) -> list[Drape]:
+def drape(rings: int, fabric: Fabric, *, discs: int = DISCS, device: str = "cpu") -> list[Drape]:
     """Drape test by Cusick (BS 5058, ISO 9073-9): discs of 30 cm on a support of 18 cm; ``rings`` sets the resolution.
 
     The number of folds depends on how a disc is laid, and the shadow on the folds: so laboratories test several
@@ -203,32 +201,30 @@ def drape(
         levels.insert(0, levels[0] // 2)
     meshes = [drape_disc(levels[0], seed=number) for number in range(discs)]
     start = [Hanging(mesh, fabric, _waved(mesh, number)) for number, mesh in enumerate(meshes)]
-    settled = hung(start, device, iterations)
+    settled = hung(start, device)
     for level in levels[1:]:
         coarse, meshes = meshes, [drape_disc(level, seed=number) for number in range(discs)]
         start = [
             Hanging(fine, fabric, on_finer_disc(mesh, each.points, fine))
             for mesh, each, fine in zip(coarse, settled, meshes, strict=True)
         ]
-        settled = hung(start, device, iterations, near_rest=True)
+        settled = hung(start, device, near_rest=True)
     return [Drape(mesh, each) for mesh, each in zip(meshes, settled, strict=True)]
 
 
-def let_down(
-    draped: Sequence[Drape], fabric: Fabric, *, device: str = "cpu", iterations: int = DRAPE_ITERATIONS
-) -> list[Drape]:
+def let_down(draped: Sequence[Drape], fabric: Fabric, *, device: str = "cpu") -> list[Drape]:
     """The same discs again, pulled down by HUNG times their weight and let up to their own.
 
     ``drape`` lays cloth from the flat. Where friction keeps what was laid, these are the other end of the
     band in which it may rest; without friction they hang as before.
     """
     heavy = [Hanging(each.mesh, fabric, each.settled.points, load=HUNG) for each in draped]
-    pulled = hung(heavy, device, iterations, near_rest=True)
+    pulled = hung(heavy, device, near_rest=True)
     start = [
         Hanging(each.mesh, fabric, shape.points, laid=laid_by(each.garment.rest, shape.points))
         for each, shape in zip(heavy, pulled, strict=True)
     ]
-    settled = hung(start, device, iterations, near_rest=True)
+    settled = hung(start, device, near_rest=True)
     return [Drape(each.mesh, shape) for each, shape in zip(draped, settled, strict=True)]
 
 
@@ -276,7 +272,7 @@ class Hanging:
         return replace(own, rest=replace(own.rest, vertex_weight=self.load * own.rest.vertex_weight))
 
 
-def hung(discs: Sequence[Hanging], device: str, iterations: int, *, near_rest: bool = False) -> list[Settled]:
+def hung(discs: Sequence[Hanging], device: str, *, near_rest: bool = False) -> list[Settled]:
     """Relaxes discs: on a GPU all together, on the CPU one by one; the bits are the same."""
     options = StepOptions(method="multilevel")  # which rotates folds as rigid bodies
     held = {id(each.mesh): held_by_support(each.mesh) for each in discs}
@@ -291,7 +287,7 @@ def hung(discs: Sequence[Hanging], device: str, iterations: int, *, near_rest: b
             starts.append(start)
         all_pieces = [pieces[_kind(each)] for each in group]
         specimens = Specimens(all_pieces, weightless=False, device=device, options=options)
-        settled += specimens.settle_all(starts, DRAPED, iterations, near_rest=near_rest)
+        settled += specimens.settle_all(starts, DRAPED, DRAPE_ITERATIONS, near_rest=near_rest)
     return settled
 
 

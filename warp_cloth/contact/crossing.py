@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,13 +42,7 @@ class Crossings:
         return np.unique(self.pairs)
 
 
-def find_crossings(
-    points: Points,
-    sheets: Sheets,
-    device: wp.DeviceLike = None,
-    *,
-    items: Sequence[int] | None = None,
-) -> Crossings:
+def find_crossings(points: Points, sheets: Sheets, device: wp.DeviceLike = None) -> Crossings:
     """Finds edges that pass through triangles, in float64.
 
     Triangles with a common vertex cross where the side opposite to it in one passes through the other.
@@ -58,16 +51,14 @@ def find_crossings(
         points: vertices [m], shape [V, 3].
         sheets: their triangles and edges.
         device: that searches.
-        items: of each garment; garments of different items do not collide. None: all do.
     """
     if not np.isfinite(points).all():
         none = np.zeros((0, 2), dtype=np.int32)
         return Crossings(none, none)
-    of_garment = np.asarray(items if items is not None else [0] * (len(sheets.vertex_start) - 1), dtype=np.int32)
     with wp.ScopedDevice(device):
         position = wp.array(np.ascontiguousarray(points), dtype=wp.vec3d)
         triangles, edges = wp.array(sheets.triangles, dtype=wp.vec3i), wp.array(sheets.edges, dtype=wp.vec2i)
-        item = wp.array(np.repeat(of_garment, np.diff(sheets.vertex_start)), dtype=wp.int32)
+        item = wp.zeros(len(points), dtype=wp.int32)  # all of one
     pierced = find_pierced(position, triangles, edges, item)
     return Crossings(pierced, triangle_pairs(pierced, sheets))
 

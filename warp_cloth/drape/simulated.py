@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.bench.trials import DRAPE_ITERATIONS, DRAPE_MODES, SUPPORT_RADIUS, Hanging, drape_disc, hung
+from warp_cloth.bench.trials import DRAPE_MODES, SUPPORT_RADIUS, Hanging, drape_disc, hung
 from warp_cloth.drape.outline import ANGLES, Floats, Outline, outline_of_drape
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.material.laboratory import GRAVITY, bending_length, bending_of_rigidity, rigidity_of_bending
@@ -80,7 +80,7 @@ def simulate(
         discs.append(Hanging(mesh, scaled[id(trial.fabric)], placed))
     return [
         SimulatedDrape(each.mesh, settled.points, outline_of_drape(each.mesh, settled.points, SUPPORT_RADIUS))
-        for each, settled in zip(discs, hung(discs, device, DRAPE_ITERATIONS), strict=True)
+        for each, settled in zip(discs, hung(discs, device), strict=True)
     ]
 
 
