@@ -64,7 +64,7 @@ def write_panels(path: Path, points: np.ndarray, mesh: Mesh, scale: float = 1.0)
 
 def write_circle_skirt(
     path: Path, girth: float, waist: float, half: float, *, rows: int = 10, columns: int = 17
-) -> None:
+) -> Path:
     """A skirt of two fans, one 20 cm before the body and one behind it, sewn along their straight edges.
 
     girth of its waist [m], which starts ``waist`` high [m]; ``half`` the angle of a fan.
@@ -90,6 +90,7 @@ def write_circle_skirt(
     lines = ["v {:.6f} {:.6f} {:.6f}".format(*each) for each in vertices]
     lines += ["vt {:.6f} {:.6f}".format(*each) for each in texcoords]
     path.write_text("\n".join(lines + faces) + "\n")
+    return path
 
 
 def write_ply(path: Path, points: np.ndarray, faces: Faces) -> None:

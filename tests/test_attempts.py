@@ -97,12 +97,9 @@ def test_without_a_stated_limit_an_attempt_ends_where_it_makes_no_progress() -> 
     assert attempt.patience is Patience.SHORT
 
 
-def test_what_ends_well_is_not_tried_again() -> None:
-    assert after((first("hanging"), REST, 0)) is None
-
-
-def test_what_diverged_is_not_tried_again() -> None:
-    assert after((first("hanging"), LOST, 0)) is None
+@pytest.mark.parametrize("status", [REST, LOST])
+def test_what_ends_well_or_diverged_is_not_tried_again(status: Status) -> None:
+    assert after((first("hanging"), status, 0)) is None
 
 
 def test_a_sheet_that_still_falls_is_relaxed_by_levels() -> None:
@@ -171,9 +168,10 @@ def test_few_crossings_are_undone_from_where_the_multilevel_method_ended() -> No
     assert after((sewn, LIMIT, 0), (levels, REST, few), (last, LIMIT, 0)) is None
 
 
-def test_where_it_left_many_crossings_the_attempt_with_contact_goes_on() -> None:
+@pytest.mark.parametrize("few", [0, 9])
+def test_where_it_left_many_crossings_the_attempt_with_contact_goes_on(few: int) -> None:
     sewn, levels = skirt()
-    assert decisions(after((sewn, LIMIT, 0), (levels, REST, VERTICES))) == ("accelerated", True, 0)
+    assert decisions(after((sewn, LIMIT, few), (levels, REST, VERTICES))) == ("accelerated", True, 0)
 
 
 def test_where_that_crosses_too_it_is_untangled_once_round_a_thinned_body() -> None:
@@ -210,11 +208,6 @@ def test_what_stays_tangled_on_the_posed_body_is_untangled_at_once() -> None:
     assert (thinned.thins, thinned.begins_after) == (True, 0)
     turned = following(tangled, Ended(thinned, LIMIT, 0, VERTICES, cut_short=CutShort.SLOW))
     assert (turned.thins, turned.begins_after) == (False, 1)
-
-
-def test_the_attempt_with_contact_goes_on_from_few_crossings_too() -> None:
-    sewn, levels = skirt()
-    assert decisions(after((sewn, LIMIT, 9), (levels, REST, VERTICES))) == ("accelerated", True, 0)
 
 
 def test_what_is_torn_where_it_is_placed_is_tried_by_the_multilevel_method() -> None:

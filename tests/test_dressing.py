@@ -32,7 +32,7 @@ from warp_cloth.garment.outfit import Outfit, load_outfit
 from warp_cloth.loading import load_mesh
 from warp_cloth.model.attempt import TORN
 from warp_cloth.model.first_attempt import first_attempt
-from warp_cloth.scene import load_scene
+from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.strains import edge_strains
 
 COARSE = ("garment.shape.edge_mm=25",)
@@ -42,6 +42,12 @@ SEWN = ("collision.cloth=false", "solver.method=accelerated", "solver.start=plac
 @pytest.fixture(scope="module")
 def tshirt() -> Outfit:
     return load_outfit(load_scene("tshirt", COARSE))
+
+
+def on_mannequin(mesh: Path) -> Scene:
+    """A garment in metres on the mannequin, which is drawn roughly."""
+    garment, avatar = {"mesh": str(mesh), "units": "m"}, {"shape": {"kind": "mannequin"}}
+    return load_scene({"garment": garment, "avatar": avatar, "collision": {"pixel_mm": 6.0}})
 
 
 @pytest.fixture(scope="module")
@@ -158,14 +164,7 @@ def test_a_way_that_comes_in_at_the_end_of_a_sleeve_gives_way_to_one_that_leaves
 
 
 def test_a_circle_skirt_that_starts_round_the_arms_hangs_from_the_waist(tmp_path: Path) -> None:
-    write_circle_skirt(tmp_path / "skirt.obj", girth=0.8, waist=1.05, half=np.radians(80.0))
-    scene = load_scene(
-        {
-            "garment": {"mesh": str(tmp_path / "skirt.obj"), "units": "m"},
-            "avatar": {"shape": {"kind": "mannequin"}},
-            "collision": {"pixel_mm": 6.0},
-        }
-    )
+    scene = on_mannequin(write_circle_skirt(tmp_path / "skirt.obj", girth=0.8, waist=1.05, half=np.radians(80.0)))
     (wearing,) = load_outfit(scene).wearing
     assert wearing is not None
     assert wearing.limbs == (LEGS, LEGS)
@@ -185,14 +184,8 @@ def test_a_circle_skirt_that_starts_round_the_arms_hangs_from_the_waist(tmp_path
 def test_a_skirt_whose_waist_holds_nothing_falls_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its waist is 1.4 m around, so that it falls as a whole: in as long its hem was 0.33 m below the waist."""
     monkeypatch.setattr("warp_cloth.fitting.dresser.FALLING", 600)
-    write_circle_skirt(tmp_path / "skirt.obj", girth=1.4, waist=1.0, half=np.radians(80.0), rows=6, columns=9)
-    scene = load_scene(
-        {
-            "garment": {"mesh": str(tmp_path / "skirt.obj"), "units": "m"},
-            "avatar": {"shape": {"kind": "mannequin"}},
-            "collision": {"pixel_mm": 6.0},
-        }
-    )
+    path, half = tmp_path / "skirt.obj", np.radians(80.0)
+    scene = on_mannequin(write_circle_skirt(path, girth=1.4, waist=1.0, half=half, rows=6, columns=9))
     dresser = Dresser(scene, load_outfit(scene), "cpu", 0.003, StageClock(), lifted=False, watching=False)
     dresser.sew()
     dresser.lift()
