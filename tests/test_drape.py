@@ -195,7 +195,7 @@ def test_an_outline_shorter_than_the_rim_is_refused(tmp_path: Path) -> None:
 def test_the_table_rises_with_the_bending_length() -> None:
     for ratio in (4.0 / 3.0, 1.5, 5.0 / 3.0, 2.0):
         assert (np.diff(drapes_of_ratio(ratio).coefficient) > 0.0).all()
-    with pytest.raises(InputError, match="usual are 240, 300 or 360 mm"):
+    with pytest.raises(InputError, match="discs usually have 240, 300 or 360 mm"):
         drapes_of_ratio(3.0)
 
 

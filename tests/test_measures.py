@@ -208,7 +208,7 @@ def test_command_says_that_a_ball_has_no_limbs(tmp_path: Path) -> None:
     (tmp_path / "ball.obj").write_text("\n".join(rows) + faces)
     code, said, _ = run(str(tmp_path / "ball.obj"), "--measures", "--out", str(tmp_path))
     assert code == NOT_WORN  # what was asked for is not there
-    assert "no limbs can be told" in said
+    assert "no limbs can be identified" in said
     assert (tmp_path / "ball_body.png").exists()
 
 

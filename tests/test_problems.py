@@ -233,7 +233,7 @@ def test_a_tube_beside_its_post_has_empty_openings(tmp_path: Path, shift: float,
     assert (problem is not None) == told
     if problem is not None:
         assert problem.figures["openings"] == 2
-        assert "no limbs of the body can be told: fewer than five parts stick out" in problem.message
+        assert "no limbs of the body can be identified: fewer than five parts stick out" in problem.message
         assert problem.figures["girth_mm"] == pytest.approx(2e2 * np.pi, rel=0.01)
         assert len(problem.vertices) == 72
 

@@ -24,7 +24,7 @@ class Person:
     skeleton: Skeleton | None
     stance: Stance | None
     measures: tuple[Measure, ...]  # empty where there are no limbs
-    reason: str  # why no limbs can be told: a clause; else empty
+    reason: str  # why no limbs can be identified: a clause; else empty
     notes: tuple[str, ...] = ()  # of what of it is left out
 
 

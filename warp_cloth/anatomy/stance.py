@@ -21,7 +21,7 @@ ASTRIDE = 15.0  # degrees between a leg and vertical that lower the hips by 1.5 
 # Degrees from the nearest axis at which trunk and legs in line mean that the body lies oblique in its axes: of people
 # who stand, the legs together point down to 3 degrees, and the trunk leans by up to 9 against them.
 OBLIQUE, IN_LINE = 5.0, 12.0
-ALIKE = 8.0  # degrees between limbs that one phrase tells of
+ALIKE = 8.0  # degrees between limbs that one phrase describes
 
 
 @dataclass(frozen=True, eq=False)

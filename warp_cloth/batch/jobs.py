@@ -115,7 +115,7 @@ def read_products(path: str | Path) -> tuple[dict[str, dict[str, Item]], tuple[s
     if "avatars" in product:
         raise InputError(source, "product.avatars: each request brings its body", "remove it")
     if SWEEP in product:
-        raise InputError(source, f"product.{SWEEP} is for studies, not for what is asked for", "remove it")
+        raise InputError(source, f"product.{SWEEP} is for studies, not for a service", "remove it")
     shared = {key: value for key, value in values.items() if key != "product"}
     axes = {axis: product[axis] for axis in ("garments", "sizes") if axis in product}
     rows = product_rows(axes | {key: product[key] for key in product if key not in AXES}, shared, source)

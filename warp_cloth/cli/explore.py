@@ -177,7 +177,7 @@ def avatar(
     """Show what is understood of a body: its limbs, its pose and a tailor's measures.
 
     \b
-    Exit status: 0; 2 bad input; 3 there are no measures, as limbs cannot be told.
+    Exit status: 0; 2 bad input; 3 there are no measures, as limbs cannot be identified.
 
     \b
     warp-cloth avatar body.obj --measures

@@ -24,7 +24,7 @@ from warp_cloth.material.laboratory import GRAVITY, KES_BENDING
 
 STARTING_WAVE = 4e-3  # [m], at the rim, of a disc that is to fall into a counted number of folds
 FABRIC_SPREAD = 20.0  # [points]; measured fabrics draped again stay within
-FOLDS_APART = 2.0  # a number of folds farther than this from the simulated one is told
+FOLDS_APART = 2.0  # a number of folds farther than this from the simulated one is reported
 
 
 @dataclass(frozen=True, eq=False)

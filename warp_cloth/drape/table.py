@@ -103,7 +103,7 @@ def drapes_of_ratio(ratio: float) -> Drapes:
     ratios = np.array(sorted(table))
     if not ratios[0] - 0.02 <= ratio <= ratios[-1] + 0.02:
         problem = f"must be {ratios[0]:.2f} to {ratios[-1]:.2f} times the support's diameter, not {ratio:.2f}"
-        raise InputError("--disc-mm", problem, "usual are 240, 300 or 360 mm on 180 mm")
+        raise InputError("--disc-mm", problem, "discs usually have 240, 300 or 360 mm, on a support of 180 mm")
     ratio = float(np.clip(ratio, ratios[0], ratios[-1]))
     upper = int(np.clip(np.searchsorted(ratios, ratio), 1, len(ratios) - 1))
     low, high = table[float(ratios[upper - 1])], table[float(ratios[upper])]

@@ -29,11 +29,11 @@ def body_lines(person: Person, with_measures: bool) -> list[str]:
 
 
 def body_sentence(person: Person) -> str:
-    """Height and pose, or why no limbs can be told."""
+    """Height and pose, or why no limbs can be identified."""
     if person.stance is None:
         low, high = person.body.bounds()
         x, y, z = (high - low).tolist()
-        return f"no limbs can be told ({x:.2f} x {y:.2f} x {z:.2f} m): {person.reason}"
+        return f"no limbs can be identified ({x:.2f} x {y:.2f} x {z:.2f} m): {person.reason}"
     stature = next(each for each in person.measures if each.name == "stature")
     tall = "" if stature.value is None else f"{stature.value:.2f} m tall; "
     return tall + person.stance.in_words()

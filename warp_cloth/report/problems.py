@@ -27,7 +27,7 @@ def find_problems(
 ) -> tuple[FitProblem, ...]:
     """The problems of all garments, the likeliest cause first.
 
-    Of a shape that diverged nothing else is told: where its vertices are means nothing.
+    Nothing else is reported of a shape that diverged: where its vertices are means nothing.
     """
     of = JudgedScene(scene, outfit, outcome, measured, tolerance)
     found = [problem for problem in (rest_problem(of), unseen_body(of)) if problem is not None]

@@ -275,13 +275,13 @@ def empty_openings(judged: Judged) -> Iterator[FitProblem]:
 
 
 def _unlimbed(judged: Judged) -> str:
-    """A sentence that says why it was not dressed, where the body has no limbs that can be told; else empty."""
+    """A sentence that says why it was not dressed, where no limbs of the body can be identified; else empty."""
     body, outfit = judged.of.body, judged.of.outfit
     if body is None or outfit.poses or outfit.wearing[judged.index] is not None:
         return ""
     reason = skeleton_or_reason(body)
-    told = f" It started as it was placed, since no limbs of the body can be told: {reason}."
-    return told if isinstance(reason, str) else ""
+    why = f" It started as it was placed, since no limbs of the body can be identified: {reason}."
+    return why if isinstance(reason, str) else ""
 
 
 def _drop(judged: Judged) -> float:

@@ -116,11 +116,11 @@ class _GatheredUpdate:
             self._rows.triangle_start, self._rows.triangle = self._rows_of(corners)
 
     def _rows_of(
-        self, tables: Sequence[Indices], told: Callable[[Indices], Indices] = lambda entries: entries, each: int = 1
+        self, tables: Sequence[Indices], value: Callable[[Indices], Indices] = lambda entries: entries, each: int = 1
     ) -> tuple[wp.array, wp.array]:
-        """Where each vertex's entries start, and what is ``told`` of them, of the garments' tables end to end.
+        """Where each vertex's entries start, and the ``value`` of each entry, of the garments' tables end to end.
 
-        ``each``: how many entries are told alike.
+        ``each``: how many entries have the same value.
         """
         own = [self._permutation.part(*ends) for ends in itertools.pairwise(self._model.vertex_start)]
         keys = [(id(table), part.key) for table, part in zip(tables, own, strict=True)]
@@ -130,7 +130,7 @@ class _GatheredUpdate:
             table, part = garment
             start, order = ragged_rows(table.ravel(), part.count)
             start, entries = part.lists(start, order.astype(np.int32))
-            return start[:-1].astype(np.int32), told(entries)
+            return start[:-1].astype(np.int32), value(entries)
 
         sorted_once = dict(zip(distinct, map_in_threads(rows, distinct.values()), strict=True))
         starts, orders = zip(*(sorted_once[key] for key in keys), strict=True)

@@ -304,7 +304,7 @@ class _Loop:
         return self._falls(watched) if watched else ()
 
     def _turning(self, measured: Measurement) -> list[int]:
-        """Active items whose turn is over: the other kind of steps goes on with them."""
+        """Active items whose turn is over, so that the other kind of steps continues with them."""
         if measured.iteration == 0 or (self._schedule is not None and not self._schedule.worn):
             return []
         most = FALLING if self._schedule is None else FALLING_IN_CONTACT

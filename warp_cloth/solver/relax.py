@@ -160,9 +160,9 @@ class Relaxation:
             wp.copy(self.collider_data, data, dest_offset=item, count=1)
 
     def update_anisotropy(self, relative_rms: NDArray[np.float64]) -> None:
-        """Lets worn items whose forces have balanced take anisotropic steps, others not; tells cloth on cloth, too.
+        """Lets worn items whose forces have balanced take anisotropic steps, others not; settles contact of cloth, too.
 
-        To be told after a check of all items, that many iterations later on every device.
+        Call it after a check of all items, as many iterations later on every device.
 
         Args:
             relative_rms: of the items' residuals, shape [items].
@@ -195,7 +195,7 @@ class Relaxation:
         return limits
 
     def _balanced(self, relative_rms: NDArray[np.float64], before: NDArray[np.bool_] | bool) -> NDArray[np.bool_]:
-        """Which residuals tell of balanced forces; what was so ``before`` stays so longer."""
+        """Which residuals mean that forces balance; those that did ``before`` do so up to a larger one."""
         return np.asarray(relative_rms <= np.where(before, TIGHTER * self._loose, self._loose))
 
     def restart(self) -> None:
