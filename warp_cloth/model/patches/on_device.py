@@ -68,32 +68,21 @@ class Patches:
 
 @dataclass(frozen=True)
 class CutOptions:
-    """How cloth is cut into patches; its results do not depend on that.
+    """How cloth is cut into patches; its results do not depend on that."""
 
-    layered: whether garments lie on each other in contact: then blocks that compute contact share the cores.
-    like: number of vertices of the model as whose patches these are cut; None: as many as there are.
-    """
-
-    layered: bool = False
-    like: int | None = None
+    layered: bool = False  # whether garments lie on each other in contact: blocks that compute it share the cores
+    like: int | None = None  # vertex count of the model as whose patches these are cut; None: as many as there are
 
 
 @dataclass(frozen=True, eq=False)
 class PatchSource:
-    """What ``device_patches`` cuts into patches.
-
-    garments: the elements of each garment; ``rounded``: in the device's precision.
-    points: positions of each garment's vertices as loaded [m].
-    terms: the model's terms that act in the cloth.
-    item_start: first vertex of each item, and the number of all.
-    cut: how they are cut.
-    """
+    """What ``device_patches`` cuts into patches."""
 
     garments: Sequence[Elements]
-    rounded: Sequence[Elements]
-    points: Sequence[Points]
-    terms: Terms
-    item_start: tuple[int, ...]
+    rounded: Sequence[Elements]  # the same in the device's precision
+    points: Sequence[Points]  # of each garment's vertices as loaded [m]
+    terms: Terms  # that act in the cloth
+    item_start: tuple[int, ...]  # first vertex of each item, and the number of all
     cut: CutOptions
 
 

@@ -44,18 +44,13 @@ HOST_VERTICES = 1 << 18  # vertices whose residuals the host has memory for at a
 
 @dataclass(frozen=True)
 class Tolerance:
-    """When a shape counts as at rest. All must hold.
+    """When a shape counts as at rest. All must hold."""
 
-    relative_rms: 1 % of the forces that meet at a vertex is what a laboratory's tensile test resolves.
-    relative_p99: single vertices at folds may be five times worse.
-    rest_error: 1 mm is below what a fitting shows [m].
-    growing: longest displacement from one measurement to the next that may still grow [m]: a fold about to snap moves
-        slowly first, then ever faster; what carries it slips in the same way.
-    """
-
-    relative_rms: float = 0.01
-    relative_p99: float = 0.05
-    rest_error: float = 1e-3
+    relative_rms: float = 0.01  # of the forces that meet at a vertex: what a laboratory's tensile test resolves
+    relative_p99: float = 0.05  # single vertices at folds may be five times worse
+    rest_error: float = 1e-3  # [m]; below what a fitting shows
+    # Longest displacement from one measurement to the next that may still grow [m]: a fold about to snap moves slowly
+    # first, then ever faster; what carries it slips in the same way.
     growing: float = GROWING
 
 
