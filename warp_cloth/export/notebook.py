@@ -19,7 +19,8 @@ def fit_html(fit: FitResult) -> str:
     add_girths(fit)
     verdict, data = shown_verdict(fit.report), io.BytesIO()
     chip = f'<b style="color: {verdict.colour}">{verdict.words}</b>'
-    lines = [f"<b>{escape(fit.scene.name)}</b>: {chip}. {escape(fit.message)}", *map(_ease, ease_lines(fit.report))]
+    lines = [f"<b>{escape(fit.scene.name)}</b>: {chip}. {escape(fit.message)}"]
+    lines += [f"ease: {escape(line)}" for line in ease_lines(fit.report)]
     text = "".join(f"<div>{line}</div>" for line in lines)
     try:
         shown = [problem for problem in fit.problems if not problem.code.is_note]
@@ -31,7 +32,3 @@ def fit_html(fit: FitResult) -> str:
     narrow = "max-width: 100%; height: auto"  # in a cell narrower than the picture
     size = f'width="{SIZE[0]}" style="{narrow}"'
     return f'{text}<img alt="front, side and back" {size} src="data:image/png;base64,{picture}">'
-
-
-def _ease(line: str) -> str:
-    return f"ease: {escape(line)}"

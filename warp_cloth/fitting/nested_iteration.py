@@ -99,7 +99,7 @@ def _levels(hierarchies: Sequence[Hierarchy], on_avatar: bool) -> list[tuple[Hie
     while True:
         below = [hierarchy.coarser(limp=on_avatar) for hierarchy in now]
         coarser = tuple(one if one is not None else hierarchy for one, hierarchy in zip(below, now, strict=True))
-        too_coarse = on_avatar and max(_mean_edge(hierarchy) for hierarchy in coarser) > LONGEST_EDGE
+        too_coarse = on_avatar and max(each.garment.rest.edge_length.mean() for each in coarser) > LONGEST_EDGE
         if all(one is None for one in below) or too_coarse or _size(coarser) < FEWEST:
             return levels
         levels.append(coarser)
@@ -108,10 +108,6 @@ def _levels(hierarchies: Sequence[Hierarchy], on_avatar: bool) -> list[tuple[Hie
 
 def _size(hierarchies: Sequence[Hierarchy]) -> int:
     return sum(len(hierarchy.garment.points) for hierarchy in hierarchies)
-
-
-def _mean_edge(hierarchy: Hierarchy) -> float:
-    return float(hierarchy.garment.rest.edge_length.mean())
 
 
 def _prolonged(finer: Sequence[Hierarchy], coarser: Sequence[Hierarchy], points: Points) -> Points:

@@ -10,7 +10,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import read_toml
 from warp_cloth.batch.jobs import read_products
 from warp_cloth.material.fabric import shipped_fabrics
-from warp_cloth.scene import Scene, TshirtShape, load_scene
+from warp_cloth.scene import TshirtShape, load_scene
 from warp_cloth.scene.messages import nearest
 from warp_cloth.scene.paths import file_stem
 from warp_cloth.scene.shapes import SIZES
@@ -78,13 +78,10 @@ def _products(source: str) -> list[OfferedProduct]:
         ]
     scene = load_scene(source)
     first = scene.garment_keys[0]
-    changes = {size: (f"{first}.shape.size={size}",) for size in SIZES} if _is_sized(scene) else {ONE_SIZE: ()}
+    is_sized = isinstance(scene.garments[0].shape, TshirtShape)
+    changes = {size: (f"{first}.shape.size={size}",) for size in SIZES} if is_sized else {ONE_SIZE: ()}
     named_source = str(path.absolute()) if path.is_file() else source
     return [OfferedProduct(scene.name, {size: _offer(named_source, own) for size, own in changes.items()}, shipped)]
-
-
-def _is_sized(scene: Scene) -> bool:
-    return isinstance(scene.garments[0].shape, TshirtShape)
 
 
 def _offer(source: str, changes: Sequence[str]) -> Offer:

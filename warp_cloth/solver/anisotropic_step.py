@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Indices
 from warp_cloth.base.threads import map_in_threads
@@ -146,13 +145,10 @@ class _GatheredUpdate:
             setattr(found, each, getattr(elements, each))
         size = wp.types.type_size_in_bytes(dtype) // wp.types.type_size_in_bytes(wp.int32)
         flat = wp.array(ptr=given.ptr, dtype=wp.int32, shape=size * len(given), device=device)
-        numbers = self._uploaded(self._permutation.rank)[flat].contiguous()
+        numbers = wp.array(self._permutation.rank, dtype=wp.int32, device=device)[flat].contiguous()
         setattr(found, name, wp.array(ptr=numbers.ptr, dtype=dtype, shape=given.shape, device=device))
         self._numbers.append(numbers)  # which that lies in
         return found
-
-    def _uploaded(self, numbers: NDArray[np.int32]) -> wp.array:
-        return wp.array(numbers, dtype=wp.int32, device=self._model.device)
 
     def kernels(self) -> list[wp.Kernel]:
         folds = [self._normals.kernel, self._kernels.bound_folds] if self._normals is not None else []

@@ -196,14 +196,11 @@ class _Loop:
 
     def _runs_ahead(self, pending: _Pending) -> bool:
         """Whether the next burst may begin before the pending measurement is read."""
-        if not self._ahead or pending.ending or self._looks_for_crossings(pending.iteration):
+        if not self._ahead or pending.ending or (self._crosses is not None and self._watched(pending.iteration)):
             return False
         if self._falls is not None and pending.iteration % FALL_CHECK == 0:
             return False
         return self._schedule is None or pending.measurement is None or not self._schedule.must_wait
-
-    def _looks_for_crossings(self, iteration: int) -> bool:
-        return self._crosses is not None and bool(self._watched(iteration))
 
     def _watched(self, iteration: int) -> list[int]:
         """Active items that end here if they pass through themselves."""
