@@ -141,7 +141,7 @@ def test_a_tshirt_beside_its_body_has_limbs_outside_their_openings(
     assert wearing is not None
     points = garment.points + np.array(shift)
     assert wearing.misplaced(points) or wearing.pierced(points)
-    assert Wearing.of(wearing.openings, points, wearing.triangles, wearing.skeleton).start_fault != ""
+    assert wearing.started_at(points).start_fault != ""
 
 
 def test_a_tshirt_that_starts_badly_below_the_shoulders_is_sewn_on_them(tshirt: Outfit) -> None:
@@ -151,7 +151,7 @@ def test_a_tshirt_that_starts_badly_below_the_shoulders_is_sewn_on_them(tshirt: 
     up = wearing.skeleton.up
     below = garment.points - (wearing.over_shoulders(garment.points) + 0.15) * up
     for fault in ("cloth starts on both sides of an arm", ""):
-        low = Wearing.of(wearing.openings, below, garment.triangles, wearing.skeleton)
+        low = wearing.started_at(below)
         vars(low)["start_fault"] = fault
         vars(low)["misplaced_at_start"] = []
         assert low.over_shoulders(low.onto) == pytest.approx(0.0 if fault else -0.15, abs=0.01)
@@ -166,7 +166,7 @@ def test_what_starts_far_above_the_shoulders_for_who_wears_it_is_sewn_on_them(
     assert wearing is not None
     skeleton = replace(wearing.skeleton, span=span)
     above = garment.points + (0.25 - wearing.over_shoulders(garment.points)) * skeleton.up
-    high = Wearing.of(wearing.openings, above, garment.triangles, skeleton)
+    high = replace(wearing, skeleton=skeleton).started_at(above)
     vars(high)["misplaced_at_start"] = []
     assert high.over_shoulders(high.onto) == pytest.approx(0.0 if moved else 0.25, abs=0.01)
 

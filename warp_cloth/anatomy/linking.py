@@ -131,6 +131,10 @@ class Wearing:
             return placed
         return cls(openings, tuple(limbs_for(openings, followed, skeleton)), triangles, skeleton, points, followed)
 
+    def started_at(self, points: Points) -> Wearing:
+        """The same garment if it started at ``points`` [m]."""
+        return Wearing.of(self.openings, points, self.triangles, self.skeleton)
+
     @cached_property
     def start_fault(self) -> str:
         """Why the garment cannot be sewn where it starts, with a limb through the wrong opening; empty: it can."""

@@ -195,7 +195,7 @@ def _wrong_share(wearing: Wearing, points: Points) -> float:
 
     1 where an opening is for none.
     """
-    there = Wearing.of(wearing.openings, points, wearing.triangles, wearing.skeleton)
+    there = wearing.started_at(points)
     return len(there.misplaced_at_start) / len(there.openings) if all(there.limbs) else 1.0
 
 
@@ -204,7 +204,7 @@ def _off_limbs(wearing: Wearing, points: Points) -> float:
 
     Infinite where an opening is for none.
     """
-    there, skeleton = Wearing.of(wearing.openings, points, wearing.triangles, wearing.skeleton), wearing.skeleton
+    there, skeleton = wearing.started_at(points), wearing.skeleton
     if not all(there.limbs):
         return np.inf
     middles = [points[opening.loop].mean(axis=0) for opening in there.openings]
@@ -228,7 +228,7 @@ def _turned(cloth: Cloth, wearing: Wearing) -> Change | None:
     if cloth.front(wearing, _about_axis(degrees, skeleton.middle).moved(wearing.start)).score < 0.0:
         degrees -= float(np.copysign(180.0, degrees))
     turn = _about_axis(degrees, skeleton.middle)
-    there = Wearing.of(wearing.openings, turn.moved(wearing.start), wearing.triangles, skeleton)
+    there = wearing.started_at(turn.moved(wearing.start))
     if len(there.misplaced_at_start) >= len(wearing.misplaced_at_start):
         return None
     changes: dict[str, Value] = {"rotate": turn.rotate, "translate": turn.translate}
@@ -243,7 +243,7 @@ def _turned_a_quarter(cloth: Cloth, wearing: Wearing) -> Change | None:
     turns = [_about_axis(degrees, wearing.skeleton.middle) for degrees in (QUARTER, -QUARTER)]
     good = []
     for turn in turns:
-        there = Wearing.of(wearing.openings, turn.moved(wearing.start), wearing.triangles, wearing.skeleton)
+        there = wearing.started_at(turn.moved(wearing.start))
         if not there.start_fault and any(limbs in SLEEVED for limbs in there.limbs):
             good.append((cloth.front(there, there.start).score, turn))
     if not good:
@@ -262,7 +262,7 @@ def _turned_about(cloth: Cloth, wearing: Wearing) -> Change | None:
         return None
     for axis in (np.zeros(3), wearing.skeleton.middle):
         turn = _about_axis(180.0, axis)
-        there = Wearing.of(wearing.openings, turn.moved(wearing.start), wearing.triangles, wearing.skeleton)
+        there = wearing.started_at(turn.moved(wearing.start))
         is_clear = not there.pierced(there.start) or bool(wearing.pierced(wearing.start))
         if is_clear and len(there.misplaced_at_start) <= len(wearing.misplaced_at_start):
             changes: dict[str, Value] = {"rotate": turn.rotate}
@@ -275,7 +275,7 @@ def _turned_about(cloth: Cloth, wearing: Wearing) -> Change | None:
 def _moved(wearing: Wearing) -> Change | None:
     """The move onto the body of a garment that starts beside it and could be sewn there; None: it could not."""
     for shift in (wearing.shift, wearing.across):
-        there = Wearing.of(wearing.openings, wearing.start + shift, wearing.triangles, wearing.skeleton)
+        there = wearing.started_at(wearing.start + shift)
         if float(np.linalg.norm(shift)) > BESIDE and not there.start_fault:
             x, y, z = shift.tolist()
             return {"translate": (x, y, z)}, "it starts beside the body"
