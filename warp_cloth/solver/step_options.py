@@ -36,7 +36,7 @@ class StepOptions:
     viscosity: float = 0.02  # share of an edge's stiffness that resists its ends' moving apart; it stills the trembling
     # Share of that which acts across what is shorter than at rest, in worn cloth: all of it holds folds back.
     buckling: float = 0.1
-    allowance: float = 1.0  # the stiffness bound allows for an edge changing by so many times its last change
+    allowance: float = 1.0  # the stiffness bound allows for an edge changing by this multiple of its last change
     # Share of a vertex's stiffness bound kept from one iteration to the next; where the bound grows, momentum
     # (stiffness times displacement) is what is kept. Without it the changing steps feed the cloth's swinging.
     memory: float = 0.99
