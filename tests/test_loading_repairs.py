@@ -209,11 +209,38 @@ def test_unwelded_duplicate_facets_are_dropped(tmp_path: Path) -> None:
     assert noted(mesh, "5 duplicate triangles dropped")
 
 
-def test_sheet_and_its_copy_stay_two_layers(tmp_path: Path) -> None:
+def test_a_sheet_and_its_copy_are_one(tmp_path: Path) -> None:
+    """With the winding of its back, its own order of vertices and faces, and whatever seams it has."""
     points, triangles = grid()
-    both = np.concatenate([triangles, triangles + len(points)])
-    mesh = load(tmp_path, obj_text(np.concatenate([points, points]), both))
-    assert mesh.vertex_count == 2 * len(points)
+    order = np.random.default_rng(3).permutation(len(points))
+    back = np.argsort(order)[triangles[::-1, ::-1]] + len(points)
+    mesh = load(tmp_path, obj_text(np.concatenate([points, points[order]]), np.concatenate([triangles, back])))
+    assert mesh.vertex_count == len(points)
+    assert mesh.triangle_count == len(triangles)
+    assert mesh.vertex_map is not None
+    assert (mesh.points[mesh.vertex_map[len(points) :]] == points[order]).all()
+    assert noted(mesh, "25 vertices welded")
+    assert noted(mesh, "32 duplicate triangles dropped")
+
+
+def test_two_panels_at_one_place_are_no_copies(tmp_path: Path) -> None:
+    """They differ in texture space, where each has its own place."""
+    points, triangles = grid(3)
+    count = len(points)
+    lines = [f"v {x} {y} {z}" for x, y, z in [*points, *points]]
+    lines += [f"vt {x + shift} {y}" for shift in (0.0, 2.0) for x, y, _ in points]
+    both = np.concatenate([triangles, triangles + count]) + 1
+    lines += ["f " + " ".join(f"{corner}/{corner}" for corner in face) for face in both]
+    mesh = load(tmp_path, "\n".join(lines) + "\n")
+    assert mesh.triangle_count == 2 * len(triangles)
+
+
+def test_a_sheet_that_lies_on_part_of_another_stays_a_layer(tmp_path: Path) -> None:
+    points, triangles = grid()
+    more = np.concatenate([points, points, [[3.0, 5.0, 1.0]]])
+    both = np.concatenate([triangles, triangles + len(points), [[len(points), len(points) + 1, len(more) - 1]]])
+    mesh = load(tmp_path, obj_text(more, both))
+    assert mesh.vertex_count == len(more)
     assert mesh.vertex_map is None
     assert edge_use(mesh)[0].max() == 2
     assert noted(mesh, "25 vertices", "not welded")

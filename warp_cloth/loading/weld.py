@@ -26,7 +26,9 @@ class Weld:
     farthest: float = 0.0  # between two that were joined [m]
 
 
-def weld(points: Floats, triangles: Ints, *, near: bool = False, panels: Floats | None = None) -> Weld:
+def weld(
+    points: Floats, triangles: Ints, *, near: bool = False, panels: Floats | None = None, copies: bool = False
+) -> Weld:
     """Join boundary edges that coincide, two and two; exactly, or nearly if ``near``.
 
     Edges, not points: parts that only touch stay apart. Where more than two faces would meet, two layers lie
@@ -35,6 +37,9 @@ def weld(points: Floats, triangles: Ints, *, near: bool = False, panels: Floats 
 
     ``panels`` are texture coordinates, shape [F, 3, 2]: a piece whose panels share vertices along its seams is sewn
     already, and where two of its rims coincide all the same it is open, as a jacket is in front.
+
+    With ``copies``, a piece that lies face by face on an earlier one is joined with it: the back side of a
+    two-sided export. Cloth so placed has no side to be on, so that no contact could ever part the two.
     """
     used = used_ids(triangles, len(points))
     places = unique_rows(points[used] + 0.0)  # -0 and 0 are one place
@@ -47,8 +52,9 @@ def weld(points: Floats, triangles: Ints, *, near: bool = False, panels: Floats 
     if count == len(used):
         return Weld(np.arange(len(points)))
     soup = len(triangles) > 1 and int(np.bincount(triangles.reshape(-1)).max()) == 1
-    faces = triangles[np.sort(unique_rows(np.sort(place[triangles], axis=1)).first)] if soup else triangles
-    a, b = _matched(place, faces, soup, panels)
+    own = ~_copies(place, triangles, panels) if copies and not soup else np.ones(len(triangles), dtype=bool)
+    faces = triangles[np.sort(unique_rows(np.sort(place[triangles], axis=1)).first)] if soup else triangles[own]
+    a, b = _matched(place, faces, soup, panels if panels is None else panels[own])
     while True:
         vertex = connected_components(len(points), a, b)
         bad = np.zeros(len(points), dtype=bool) if soup else _spoilt(vertex, faces)
@@ -56,7 +62,7 @@ def weld(points: Floats, triangles: Ints, *, near: bool = False, panels: Floats 
             break
         keep = ~(bad[vertex[a]] | bad[vertex[b]])
         a, b = a[keep], b[keep]
-    if soup and len(faces) < len(triangles):  # a duplicate facet goes where its twin goes, and is dropped there
+    if len(faces) < len(triangles):  # a duplicate face goes where its twin goes, and is dropped there
         vertex = _twins_joined(vertex, place, triangles)
     left = len(used_ids(vertex[used], len(points)))
     farthest = float(np.linalg.norm(points[used] - points[vertex[used]], axis=1).max())
@@ -153,6 +159,30 @@ def _spoilt(vertex: Ints, triangles: Ints) -> NDArray[np.bool_]:
     bad[edges[bad_edge | closed]] = True
     merged = np.bincount(vertex[used_ids(triangles, len(vertex))], minlength=len(vertex)) > 1
     return bad & merged
+
+
+def _copies(place: Ints, triangles: Ints, panels: Floats | None) -> NDArray[np.bool_]:
+    """Which triangles belong to a piece that lies face by face, vertex by vertex, on earlier pieces; shape [F].
+
+    Panels that are to be sewn to each other may start so, too: they differ in texture space.
+    """
+    found = unique_rows(np.sort(place[triangles], axis=1))
+    twin = found.first[found.number]
+    piece = connected_components(len(place), *edges_of(triangles).T)[triangles[:, 0]]
+    by_place, twin_by_place = (
+        np.argsort(place[triangles[rows]], axis=1, kind="stable") for rows in (slice(None), twin)
+    )
+    own = np.take_along_axis(triangles, by_place, axis=1)
+    other = np.take_along_axis(triangles[twin], twin_by_place, axis=1)
+    partner = np.arange(len(place))
+    partner[own] = other
+    same = (twin != np.arange(len(triangles))) & (partner[own] == other).all(axis=1)
+    if panels is not None:
+        here = np.take_along_axis(panels, by_place[:, :, None], axis=1)
+        same &= (here == np.take_along_axis(panels[twin], twin_by_place[:, :, None], axis=1)).all(axis=(1, 2))
+    differs = np.zeros(len(place), dtype=bool)
+    differs[piece[~same]] = True
+    return ~differs[piece]
 
 
 def _twins_joined(vertex: Ints, place: Ints, triangles: Ints) -> Ints:
