@@ -312,7 +312,11 @@ def test_what_slopes_down_to_one_side_hangs_from_one_hip(scene_name: str, degree
         assert set(slid[0].vertices) == set(wearing.top.loop.tolist())
 
 
-def test_a_cape_that_starts_as_a_flat_disc_hangs_from_its_neck_and_not_from_its_hem(tmp_path: Path) -> None:
+@pytest.mark.parametrize("height", [1.5, 2.1], ids=("neck", "over_the_head"))
+def test_a_cape_that_starts_as_a_flat_disc_hangs_from_its_neck_and_not_from_its_hem(
+    tmp_path: Path, height: float
+) -> None:
+    """However far it fell through the air, that is no sliding."""
     sides, radii = 48, np.linspace(0.09, 0.6, 10)
     turn = 2.0 * np.pi * np.arange(sides) / sides
     around = np.stack([np.sin(turn), np.zeros(sides), np.cos(turn)], axis=1)
@@ -320,7 +324,7 @@ def test_a_cape_that_starts_as_a_flat_disc_hangs_from_its_neck_and_not_from_its_
     a, b = (ring + side).ravel(), (ring + (side + 1) % sides).ravel()
     faces = np.concatenate([np.stack([a, b, a + sides], axis=1), np.stack([b, b + sides, a + sides], axis=1)])
     disc = np.concatenate([radius * around for radius in radii])
-    write_obj(tmp_path / "cape.obj", disc + np.array([0.0, 1.5, 0.0]), faces)
+    write_obj(tmp_path / "cape.obj", disc + np.array([0.0, height, 0.0]), faces)
     garment = {"mesh": str(tmp_path / "cape.obj"), "units": "m", "rest": "mesh"}
     scene = load_scene({"garment": garment, "avatar": {"shape": {"kind": "mannequin"}}})
     outfit = load_outfit(scene)

@@ -157,8 +157,12 @@ class Wearing:
         """Whether it hangs from the head's opening alone, and that is too wide to lie between the shoulders."""
         right, left = (self.skeleton.curves[arm][self.skeleton.joints[arm]] for arm in ARMS)
         narrowest = min((opening.girth for opening in self.openings), default=0.0)
-        is_cape = all(limbs in ((HEAD,), ()) for limbs in self.limbs)
-        return is_cape and 0.5 * narrowest > float(np.linalg.norm(left - right))
+        return self._is_cape and 0.5 * narrowest > float(np.linalg.norm(left - right))
+
+    @property
+    def _is_cape(self) -> bool:
+        """Whether it hangs from the head's opening alone."""
+        return (HEAD,) in self.limbs and all(limbs in ((HEAD,), ()) for limbs in self.limbs)
 
     @property
     def hangs_from_waist(self) -> bool:
@@ -199,6 +203,14 @@ class Wearing:
     def is_held_by_hips(self) -> bool:
         """Whether it is a skirt that begins below the bust, so that the hips hold it."""
         return self.is_skirt and not self._begins_at_bust
+
+    @cached_property
+    def above_neck(self) -> float:
+        """How far above the neck a cape is to start, which has no sleeves to tell its height [m]; 0: it is not."""
+        if not self._is_cape:
+            return 0.0
+        centre = self.onto[self.top.loop].mean(axis=0)
+        return max(float((centre - self.skeleton.shoulders) @ self.skeleton.up) - NECK, 0.0)
 
     @cached_property
     def top(self) -> Opening:

@@ -137,7 +137,7 @@ def slid_down(judged: Judged) -> FitProblem | None:
         began, ended = waist, float((judged.points[highest.vertices] @ wearing.skeleton.up).mean())
         limit, than = LOWEST_TOP * (waist - crotch), "than the waist"
     elif wearing is not None:
-        above = max(wearing.too_high, wearing.above_waist)
+        above = max(wearing.too_high, wearing.above_waist, wearing.above_neck)
         if above > 0.0:  # it was placed higher than where it belongs: it comes down to there first
             began, than = began - above, "than where it belongs"
     if not began - ended > limit:
