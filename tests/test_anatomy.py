@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import EdgeGraph, level_lines
 from warp_cloth.anatomy.linking import Wearing, curve_crossings, limbs_through
-from warp_cloth.anatomy.openings import LEGS, limbs_for, openings_of
+from warp_cloth.anatomy.openings import LEGS, Opening, limbs_for, openings_of
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, RIGHT_LEG, TRUNK, Skeleton, skeleton_of
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
@@ -48,6 +48,13 @@ def ring(radius: float, at: float, around: int = 24) -> tuple[Floats, Floats]:
     angle = 2.0 * np.pi * np.arange(around) / around
     points = np.stack([radius * np.cos(angle), np.full(around, at), radius * np.sin(angle)], axis=1)
     return points, np.roll(points, -1, axis=0)
+
+
+def openings_in(points: Floats, triangles: NDArray[np.int32]) -> tuple[tuple[Opening, ...], NDArray[np.int32]]:
+    """The openings of cloth at rest at ``points`` [m], and its triangles."""
+    topology = build_topology(triangles, len(points))
+    lengths = np.linalg.norm(np.diff(points[topology.edges], axis=1)[:, 0], axis=1)
+    return openings_of(topology, triangles, lengths, len(points)), triangles
 
 
 def test_level_lines_of_a_cylinder_are_its_circles() -> None:
@@ -177,10 +184,7 @@ def test_a_tshirt_cut_open_in_front_is_for_both_arms_and_all_the_rest(tshirt: Ou
     assert wearing is not None
     middle = garment.points[garment.triangles].mean(axis=1) - wearing.skeleton.middle
     at_front = (np.abs(middle @ wearing.skeleton.left) < 0.02) & (middle @ wearing.skeleton.forward > 0.0)
-    triangles = garment.triangles[~at_front]
-    topology = build_topology(triangles, len(garment.points))
-    lengths = np.linalg.norm(np.diff(garment.points[topology.edges], axis=1)[:, 0], axis=1)
-    openings = openings_of(topology, triangles, lengths, len(garment.points))
+    openings, triangles = openings_in(garment.points, garment.triangles[~at_front])
     jacket = Wearing.of(openings, garment.points, triangles, wearing.skeleton)
     assert sorted(jacket.limbs) == [(HEAD, *LEGS), (RIGHT_ARM,), (LEFT_ARM,)]
     assert jacket.start_fault == ""
@@ -194,3 +198,29 @@ def test_sleeves_that_hang_lower_than_the_hem_are_for_arms(tshirt: Outfit) -> No
         if limbs in ((RIGHT_ARM,), (LEFT_ARM,)):
             lower[opening.loop] -= 0.6 * wearing.skeleton.up
     assert limbs_for(wearing.openings, lower, wearing.skeleton) == list(wearing.limbs)
+
+
+def test_a_lining_and_its_shirt_have_the_same_openings(tshirt: Outfit) -> None:
+    """Each of two separate pieces is read by itself: of four sleeves none is a leg."""
+    (wearing,), (garment,) = tshirt.wearing, tshirt.garments
+    assert wearing is not None
+    count = len(garment.points)
+    points = np.concatenate([garment.points, garment.points - 0.004 * wearing.skeleton.up])
+    both = openings_in(points, np.concatenate([garment.triangles, garment.triangles + count]))
+    lined = Wearing.of(both[0], points, both[1], wearing.skeleton)
+    assert sorted(lined.limbs) == sorted(2 * wearing.limbs)
+    assert lined.start_fault == ""
+    for distances in lined.distances().values():
+        assert np.isfinite(distances).all()
+
+
+def test_gloves_and_sleeves_by_themselves_tell_no_limb(skeleton: Skeleton) -> None:
+    """They would be for a leg as well; two tubes that are one at either side of a skirt leave it a skirt."""
+    tube, faces = cylinder(0.06, 0.3)
+    at = [tube + side * 0.25 * skeleton.span * skeleton.left + skeleton.middle for side in (-1.0, 1.0)]
+    skirt = cylinder(0.2, 0.3)[0] + skeleton.middle - 0.3 * skeleton.up
+    points = np.concatenate([*at, skirt])
+    openings, _ = openings_in(points, np.concatenate([faces + shift * len(tube) for shift in range(3)]))
+    limbs = limbs_for(openings, points, skeleton)
+    assert [each for each, opening in zip(limbs, openings, strict=True) if opening.girth > 1.0] == [LEGS, LEGS]
+    assert [each for each, opening in zip(limbs, openings, strict=True) if opening.girth < 1.0] == 4 * [()]

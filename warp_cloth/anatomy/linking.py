@@ -146,7 +146,11 @@ class Wearing:
 
     def distances(self) -> dict[Limbs, Floats]:
         """The vertices' distances from each opening, by the limbs that it is for [m], each of shape [V]."""
-        return {limbs: opening.distances for opening, limbs in zip(self.openings, self.limbs, strict=True)}
+        found: dict[Limbs, Floats] = {}
+        for opening, limbs in zip(self.openings, self.limbs, strict=True):
+            own = opening.distances
+            found[limbs] = np.where(np.isfinite(own), own, found.get(limbs, own))  # a lining has the same openings
+        return found
 
     @cached_property
     def misplaced_at_start(self) -> list[Misplaced]:

@@ -91,11 +91,44 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
     opening above sleeves is for the head; others are for both legs, but a cape, which opens above the shoulders and has
     no sleeves, hangs from the head's opening alone. What is open in front has one opening in the middle, from neck to
     hem, beside those of its sleeves.
+
+    Each separate piece is read by itself, as a lining within its shirt. One whose openings are all on one side, such as
+    a glove or a leg warmer, does not show which limb it is for.
     """
+    pieces = _pieces(openings)
+    if len(pieces) == 1:
+        return _limbs_of_piece(openings, points, points, skeleton)
+    found: list[Limbs] = [()] * len(openings)
+    for piece in pieces:
+        own = [openings[number] for number in piece]
+        across = [float((points[each.loop].mean(axis=0) - skeleton.middle) @ skeleton.left) for each in own]
+        if len(own) < 2 or min(across) > LATERAL * skeleton.span or max(across) < -LATERAL * skeleton.span:
+            continue
+        cloth = points[np.isfinite(own[0].distances)]
+        for number, limbs in zip(piece, _limbs_of_piece(own, points, cloth, skeleton), strict=True):
+            found[number] = limbs
+    return found
+
+
+def _pieces(openings: Sequence[Opening]) -> list[list[int]]:
+    """The numbers of the openings of each separate piece of cloth, the largest first."""
+    pieces: list[list[int]] = []
+    for number, opening in enumerate(openings):
+        joined = (piece for piece in pieces if np.isfinite(openings[piece[0]].distances[opening.loop[0]]))
+        piece = next(joined, None)
+        if piece is None:
+            pieces.append(piece := [])
+        piece.append(number)
+    return pieces
+
+
+def _limbs_of_piece(openings: Sequence[Opening], points: Points, cloth: Points, skeleton: Skeleton) -> list[Limbs]:
+    """The same of openings in one piece, whose own vertices are at ``cloth`` [m], shape [N, 3]."""
     centres = np.array([points[opening.loop].mean(axis=0) for opening in openings]) - skeleton.middle
     across, up = centres @ skeleton.left, centres @ skeleton.up
     sideways = (points - skeleton.middle) @ skeleton.left
-    middle = 0.5 * float(sideways.min() + sideways.max())
+    ends = (cloth - skeleton.middle) @ skeleton.left
+    middle = 0.5 * float(ends.min() + ends.max())
     alike = len(openings) > 1 and openings[1].girth > PAIR * openings[0].girth  # both legs
     largest = float(across[:2].mean() if alike else across[0])
     # by both: one sleeve moves the middle, and a wide leg may be the largest opening
@@ -111,7 +144,7 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
         return up[number] == up.min() and min(left, right) > ACROSS * (left + right) and not has_like
 
     in_middle = [n for n in range(len(openings)) if abs(across[n]) <= LATERAL * skeleton.span or is_hem(n)]
-    if _is_open_in_front(openings, points, skeleton, in_middle):
+    if _is_open_in_front(openings, points, cloth, skeleton, in_middle):
         return [OPEN if n in in_middle else ARMS[int(across[n] > 0.0) :][:1] for n in range(len(openings))]
     found: dict[int, Limbs] = {}
     for side, arm, leg in ((-1.0, RIGHT_ARM, RIGHT_LEG), (1.0, LEFT_ARM, LEFT_LEG)):
@@ -134,13 +167,13 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
 
 
 def _is_open_in_front(
-    openings: Sequence[Opening], points: Points, skeleton: Skeleton, in_middle: Sequence[int]
+    openings: Sequence[Opening], points: Points, cloth: Points, skeleton: Skeleton, in_middle: Sequence[int]
 ) -> bool:
     """Whether a garment has no opening but one in the middle, tall and the largest, and one on either side at most."""
     if len(in_middle) != 1 or not 2 <= len(openings) <= 3:
         return False
     up = points @ skeleton.up
     centres = [points[openings[n].loop].mean(axis=0) for n in range(len(openings)) if n not in in_middle]
-    sides = {bool((centre - points.mean(axis=0)) @ skeleton.left > 0.0) for centre in centres}
-    is_tall = float(np.ptp(up[openings[in_middle[0]].loop])) > TALL * float(np.ptp(up))
+    sides = {bool((centre - cloth.mean(axis=0)) @ skeleton.left > 0.0) for centre in centres}
+    is_tall = float(np.ptp(up[openings[in_middle[0]].loop])) > TALL * float(np.ptp(cloth @ skeleton.up))
     return is_tall and in_middle[0] == 0 and len(sides) == len(centres)

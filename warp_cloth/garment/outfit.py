@@ -185,7 +185,8 @@ def garments_in(scene: Scene, meshes: Sequence[Mesh]) -> tuple[Garment, ...]:
 def _worn_by(garment: Garment, skeleton: Skeleton) -> Wearing | None:
     rest = garment.rest
     openings = openings_of(rest.topology, garment.triangles, rest.edge_length, len(garment.points))
-    return Wearing.of(openings, garment.points, garment.triangles, skeleton) if openings else None
+    wearing = Wearing.of(openings, garment.points, garment.triangles, skeleton) if openings else None
+    return wearing if wearing is not None and any(wearing.limbs) else None
 
 
 def _wearing(
