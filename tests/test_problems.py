@@ -267,6 +267,21 @@ def test_a_tube_stretched_all_around_is_too_small(tmp_path: Path, wider: float, 
         assert "at the hip" in problem.message  # half the post's height
 
 
+@pytest.mark.parametrize(("inwards", "told"), [(0.15, False), (0.5, True)], ids=("blunt", "sharp"))
+def test_blunt_triangles_do_not_tell_that_cloth_is_stretched(tmp_path: Path, inwards: float, told: bool) -> None:
+    """A vertex in each triangle is so far from its longest edge, and 40 % farther as worn; the tube is as it was."""
+    scene, whole = on_post(tmp_path), tube(0.1, 0.7, 1.0, around=36, rows=13)
+    points, triangles = whole.points, whole.triangles
+    lengths = np.linalg.norm(points[np.roll(triangles, -1, axis=1)] - points[triangles], axis=2)
+    a, b, c = np.take_along_axis(triangles, (lengths.argmax(axis=1)[:, None] + np.arange(3)) % 3, axis=1).T
+    middle, inner = 0.5 * (points[a] + points[b]), len(points) + np.arange(len(a))
+    cut = np.concatenate([np.stack([*ends, inner], axis=1) for ends in ((a, b), (b, c), (c, a))])
+    at_rest, worn = (middle + share * (points[c] - middle) for share in (inwards, 1.4 * inwards))
+    write_obj(tmp_path / "tube.obj", np.concatenate([points, at_rest]), cut)
+    found = judge(*loaded(scene), 1.001 * np.concatenate([points, worn]))
+    assert ("too_small" in found) == told
+
+
 @pytest.mark.parametrize(("folded", "told"), [(1.0, True), (0.1, False)])
 def test_a_cloth_folded_like_a_fan_is_bunched_up(folded: float, told: bool) -> None:
     """Every other row of a part of the square stands out by so much that its strips lie nearly on one another."""
