@@ -26,10 +26,12 @@ from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.maps import MAPS, chosen_maps, measure_maps
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import rounded_up, shown_range
+from warp_cloth.maps.measure import MeasuredBody, measured_girths
 from warp_cloth.material.constants import even_network
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.material.laboratory import GRAVITY
 from warp_cloth.material.strain import face_strains, vertex_areas, vertex_means
+from warp_cloth.model.result import WornGarment
 from warp_cloth.shapes import MannequinMeasures, mannequin, sphere, tshirt
 from warp_cloth.solver.certificate.certifier import Certifier
 from warp_cloth.solver.relax import Relaxation
@@ -306,6 +308,26 @@ def test_half_a_garment_goes_not_round(body: Mesh) -> None:
     sheet = build_rest_shape(half, Fabric(), rest="mesh").sheet
     (row,) = garment_girths("half", half.points, sheet, body, body_levels(body))
     assert (row["closed"], row["ease"]) == (False, None)
+
+
+def test_cloth_modelled_with_its_thickness_has_no_girth_of_its_own(body: Mesh) -> None:
+    """A T-shirt 4 mm thick was told to have 158 cm of ease at the chest, and has 20 cm."""
+    outer, inner = tube(0.204, 0.95, 1.25), tube(0.2, 0.95, 1.25)
+    low, high = np.arange(96), outer.vertex_count - 96 + np.arange(96)
+    rims = []
+    for a in (low, high):
+        b, below = np.roll(a, -1), outer.vertex_count
+        rims += [np.stack([a, b, a + below], axis=1), np.stack([b, b + below, a + below], axis=1)]
+    faces = np.concatenate([outer.triangles, inner.triangles[:, ::-1] + outer.vertex_count, *rims]).astype(np.int32)
+    shell = Mesh("shell", np.concatenate([outer.points, inner.points]), faces)
+    found = []
+    for mesh in (shell, outer):
+        worn = WornGarment(mesh.name, mesh, mesh.points, 1e-3, rest=build_rest_shape(mesh, Fabric(), rest="mesh"))
+        found.append(measured_girths([worn], MeasuredBody.of(body)))
+    (none, why), (rows, _) = found
+    assert none == []
+    assert '"shell" is modelled with its thickness' in why
+    assert [row["level"] for row in rows] == ["waist"]
 
 
 def test_sleeves_that_join_at_the_chest_are_left_out(body: Mesh) -> None:

@@ -111,11 +111,18 @@ def measured_girths(garments: Sequence[WornGarment], body: MeasuredBody | None) 
         return [], "the garment's shape is not finite"
     if body.levels is None:
         return [], "the body does not stand with its head, its feet, and arms apart from its trunk"
-    rows = []
+    rows: list[dict[str, Any]] = []
+    closed: list[str] = []
     for worn in garments:
         sheet = worn.rest.sheet if worn.rest is not None else None
+        if sheet is not None and not sheet.topology.boundary_loops:
+            closed.append(worn.name)
+            continue
         rows += garment_girths(worn.name, worn.points, sheet, body.surface, body.levels)
-    return rows, "" if rows else "no garment goes round the trunk at chest, waist or hip"
+    lack = "no garment goes round the trunk at chest, waist or hip"
+    if closed:
+        lack = f'"{closed[0]}" is modelled with its thickness, so that a section has its inside and its outside'
+    return rows, "" if rows else lack
 
 
 def add_girths(fit: FitResult, body: MeasuredBody | None = None) -> None:
