@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from dxf_panelled import PANELLED, TRUE_PANELLED_SEAMS, gored_skirt, panelled_skirt, side_panelled
-from dxf_patterns import GRADES, TRUE_SEAMS, Style, band, length, line, tshirt, write
+from dxf_panelled import PANELLED, TRUE_PANELLED_SEAMS, gored_skirt, panelled, panelled_skirt, side_panelled
+from dxf_patterns import GRADES, TRUE_SEAMS, Style, band, half_body, length, line, sleeve, tshirt, write
 from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
@@ -66,6 +66,19 @@ def test_seams_of_panels_are_found_and_no_others(garment: str, tmp_path: Path) -
         assert kinds(draft) == TRUE_PANELLED_SEAMS[garment]
         assert min(joint.confidence for joint in draft.joints) >= 0.85
         assert not draft.unsewn
+
+
+@pytest.mark.parametrize("waist", [0.4, 1.2, 2.5])
+def test_an_armhole_begins_where_the_side_panel_ends_also_without_a_corner(waist: float, tmp_path: Path) -> None:
+    """In a dress of 98 cm the princess seams of the middle panels run on into the armholes without a corner."""
+    pieces, armholes = [], []
+    for face, depth in (("Vorderteil", 9.5), ("Rückenteil", 2.5)):
+        half = half_body(face, 24.0, 98.0, 8.5, depth, 19.0)
+        pieces += panelled(half, waist, False, (f"{face} Mitte", f"{face} Seite"))
+        armholes.append(length(half.edges[2]))
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": [*pieces, sleeve("Ärmel", 17.0, 30.0, 14.0, *armholes)]}))
+    assert kinds(draft) == {"princess": 4, "shoulder": 2, "side": 2, "sleeve cap": 2, "underarm": 2}
+    assert min(joint.confidence for joint in draft.joints) >= 0.95
 
 
 @pytest.mark.parametrize("garment", PANELLED)

@@ -31,7 +31,7 @@ def parts_with_sides(
     tried = []
     for way in WAYS:
         parts, notes = _made(file, pieces, {**stated, names[0]: Stated(way)})
-        parts = _parted(parts, way)
+        parts = _parted(parts, way, is_shared=True)
         tried.append((_sure(parts), way, parts, notes))
     tried.sort(key=lambda each: -each[0])
     (best, way, parts, notes), (next_best, *_) = tried
@@ -45,27 +45,33 @@ def parts_with_sides(
 
 def _made(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> tuple[tuple[Part, ...], list[str]]:
     parts, notes = parts_of(file, pieces, stated)
+    for way in WAYS:
+        parts = _parted(parts, way)
     parts, layers = with_collars(with_skirt_panels(parts))
     return parts, [*notes, *layers]
 
 
-def _parted(parts: Sequence[Part], way: str) -> tuple[Part, ...]:
-    """The parts, with armholes of fronts and backs from where the side panel ends, also where no sharp corner is."""
+def _parted(parts: Sequence[Part], way: str, is_shared: bool = False) -> tuple[Part, ...]:
+    """The parts, with armholes of fronts and backs from where the side panel ends, also where no sharp corner is.
+
+    ``is_shared``: the panel is between front and back, so that the other one ends at it, too.
+    """
     panel = next((part for part in parts if part.kind == way), None)
     if panel is None:
         return tuple(parts)
     roles = panel.roles
     outer = roles.get("side+") or roles.get("side-") or ()
     lengths = {"princess": panel.shape.length(roles.get("princess", ())), "side": panel.shape.length(outer)}
+    faces = ("front", "back") if is_shared else (way[5:],)
     out = []
     for part in parts:
         role = "princess" if part.kind == way[5:] else "side"
         own = dict(part.roles)
-        for mark in "+-" if part.kind in ("front", "back") else "":
+        for mark in "+-" if part.kind in faces else "":
             run = own.get(f"{role}{mark}", ())
             upward = run if mark == "+" else run[::-1]
-            fits = [n for n in range(1, len(run)) if _agree(part.shape.length(upward[:n]), lengths[role])]
-            if f"armhole{mark}" not in own and len(fits) == 1:
+            fits = [n for n in range(1, len(run) + 1) if _agree(part.shape.length(upward[:n]), lengths[role])]
+            if f"armhole{mark}" not in own and len(fits) == 1 and fits[0] < len(run):
                 lower, upper = upward[: fits[0]], upward[fits[0] :]
                 own[f"{role}{mark}"] = lower if mark == "+" else lower[::-1]
                 own[f"armhole{mark}"] = upper if mark == "+" else upper[::-1]
