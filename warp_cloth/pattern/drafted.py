@@ -129,6 +129,16 @@ def _groups(draft: Draft) -> NDArray[np.int64]:
     return connected_components(len(draft.parts), one, other)
 
 
+def _apart(draft: Draft) -> list[str]:
+    """A note where the parts are sewn into several garments that no seam joins, as a top and trousers are."""
+    group = _groups(draft)
+    firsts = [draft.parts[int(first)].name for first in np.unique(group)]
+    if len(firsts) < 2:
+        return []
+    named = ", ".join(f'"{short(name)}"' for name in firsts[:4])
+    return [f"it is sewn into {len(firsts)} garments, those of {named}: state the seams between them, if there are any"]
+
+
 def not_joined(draft: Draft) -> tuple[str, str] | None:
     """Runs of edges of two unconnected groups of parts that a proposal would join, if it were surer."""
     group = _groups(draft)
@@ -155,6 +165,7 @@ def drafted_pattern(draft: Draft, figure: Figure | None) -> Pattern:
     if loose is not None:
         one_side, other_side = map(short, loose)
         raise InputError(draft.file, f'is in parts: whether "{one_side}" is sewn to "{other_side}" is not sure', ADVICE)
+    apart = _apart(draft)
     figure = figure or figure_of(None)
     wraps = wraps_of(draft.parts, draft.joints, figure)
     made = cut(draft.parts, draft.joints)
@@ -172,7 +183,7 @@ def drafted_pattern(draft: Draft, figure: Figure | None) -> Pattern:
         )
         for part, edges, wrap in zip(draft.parts, made.edges, wraps, strict=True)
     )
-    notes = draft.notes
+    notes = (*draft.notes, *apart)
     if figure.is_nominal:
         notes = (*notes, "no person is there to lay the pieces round: laid round a figure of 1.70 m")
     return Pattern(draft.file, panels, made.stitches, notes)

@@ -17,19 +17,22 @@ WORDS = (
         r"|leiste|schlitz|\bzak\b|zakken|voering|\bpoche|parement|doublure|enforme|entoilage|rabat|passant"
         r"|biais|\bpattes?\b|bolsi?l?lo|\bbolso|\bvista\b|forro|entretela|tapeta|trabilla|bragueta|carcela"
         r"|\bvies\b|solapa de bols|tasca|fodera|\bpassante|paramontura|ripiego|\bpatta\b|taschino|sbieco"
+        r"|\bpatch(es)?\b|draw ?(string|cord)|kordel\b|tunnelzug|cordoncillo|抽绳|补丁"
         r"|kiesze|podszew|obloz|kapsa|podsivk|karman|podklad|\bобтачк|подборт|підборт|кишен|карман|подклад|клапан|шлевк|шлівк|підклад|дублер|\bcep\b"
-        r"|cebi|astar|\bpervaz|\blomme|\bficka|tasku|vuori|tuki\b|lisake|kou ?dai|dou ?bu|li ?bu|gua ?mian|口袋|袋布"
-        r"|袋盖|里布|里料|贴边|挂面|衬|门襟|ポケット|見返し|裏地|주머니|안감|zseb|belebujt|\bbeles|buzunar|captuseal",
+        r"|cebi|astar|\bpervaz|\blomme|\bficka|tasku|vuori|tuki\b|lisake|kou ?dai|dou ?bu|li ?bu|gua ?mian|袋"
+        r"|里布|里料|贴边|挂面|衬|门襟|ポケット|見返し|裏地|주머니|안감|zseb|belebujt|\bbeles|buzunar|captuseal",
     ),
     (
         "hem_band",
-        r"(hem|bottom)[ _-]*(band|rib)|rib[ _-]*(hem|bottom)|saumb(ue|u)ndchen|b(ue|u)ndchen (saum|unten)"
+        r"(?<!sleeve )(?<!arm )(hem|bottom)[ _-]*(band|rib)|rib[ _-]*(hem|bottom)"
+        r"|saumb(ue|u)ndchen|b(ue|u)ndchen (saum|unten)"
         r"|saumbund|bord[ _-]*cote[ _-]*(bas|ourlet)|(bajo|cintura|dobladillo) (de )?(canale|rib)"
         r"|fondo costina|xia ?bai|下摆|下脚罗纹|裾リブ",
     ),
     (
         "cuff",
-        r"cuff|\bcff\b|\bb(ue|u)ndchen\b|a(e|)rmelb(ue|u)ndchen|manschette|manchet|(?<!hals)boord\b|poignet|\bpun(h)?o"
+        r"cuff|\bcff\b|(sleeve|\barm|wrist)[ _-]*(hem[ _-]*)?(band|rib)\b"
+        r"|\bb(ue|u)ndchen\b|a(e|)rmelb(ue|u)ndchen|manschette|manchet|(?<!hals)boord\b|poignet|\bpun(h)?o"
         r"|polsino|\bpolso|mankiet|manzet|манжет|\bmanset|linning|\bmudd\b|kalvosin|xiu ?kou|\bke ?fu|袖口"
         r"|克夫|袖头|袖克|カフス|커프스|소매단|mandzsetta|kezelo\b|\bmanseta\b",
     ),
@@ -75,7 +78,7 @@ WORDS = (
     ),
     (
         "skirt",
-        r"skirt|\bskt\b|\bgores?\b|rock\b|rockbahn|\bbahn(en)?\b|\brock|\brok\b|jupe|falda|\bsaia|gonna|spodnic|sukne|yubk|юбк|\betek|kjol|nederdel"
+        r"skirt|\bskt\b|peplum|scho(e|)sschen|\bgores?\b|rock\b|rockbahn|\bbahn(en)?\b|\brock|\brok\b|jupe|falda|\bsaia|gonna|spodnic|sukne|yubk|юбк|\betek|kjol|nederdel"
         r"|hame\b|qun|裙|スカート|치마|szoknya|\bfusta",
     ),
     (
