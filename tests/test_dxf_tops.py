@@ -1,8 +1,9 @@
-"""Tops as rooms cut them: peplums, ribs of sleeves, patches; and two garments in one file."""
+"""Tops as rooms cut them: waistcoats whose fronts have a straight neck and a point, peplums, ribs of sleeves."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,30 @@ from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, load_pattern, read_drafted
 from warp_cloth.pattern.kinds import named
+
+
+def waistcoat(point: float) -> list[Drafted]:
+    """A back on the fold, and a front with a straight neckline and a hem that has a point this far down [cm]."""
+    back, front = half_body("BACK", 25.0, 58.0, 8.0, 2.5, 17.0), half_body("FRONT", 25.0, 58.0, 8.0, 9.0, 17.0)
+    _, side, armhole, shoulder, *_ = front.edges
+    foot, tip, neck = (-2.0, 0.0), (6.0, -point), (-2.0, 32.0)
+    hem = [line(foot, tip), line(tip, side[0])] if point else [line(foot, side[0])]
+    edges = [*hem, side, armhole, shoulder, line(shoulder[-1], neck), line(neck, foot)]
+    return [Drafted("FRONT", edges, "2"), back]
+
+
+@pytest.mark.parametrize("point", [0.0, 3.0, 7.0])
+@pytest.mark.parametrize("is_mirrored", [False, True])
+def test_a_front_with_a_straight_neck_is_no_leg(point: float, is_mirrored: bool, tmp_path: Path) -> None:
+    """One edge of it is hollow, as of a leg; but the other piece is of a bodice."""
+    front, back = waistcoat(point)
+    if is_mirrored:
+        front = replace(front, edges=[[(-x, y) for x, y in edge[::-1]] for edge in front.edges[::-1]])
+    path = write(tmp_path / "a.dxf", {"M": [front, back]})
+    draft = read_drafted(path)
+    assert kinds(draft) == {"shoulder": 2, "side": 2}
+    assert min(joint.confidence for joint in draft.joints) >= 0.95
+    assert boundary_loops(path, DraftOptions()) == 3
 
 
 def peplum(name: str, waist: float) -> Drafted:

@@ -13,22 +13,12 @@ from itertools import combinations
 
 import numpy as np
 
+from warp_cloth.pattern.bodices import arm_side, bodice_roles
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.facings import is_facing
 from warp_cloth.pattern.kinds import Named
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.roles import (
-    Roles,
-    Shape,
-    arm_side,
-    bodice_roles,
-    hood_roles,
-    is_strip,
-    leg_roles,
-    pants_roles,
-    sleeve_roles,
-    upright,
-)
+from warp_cloth.pattern.roles import Roles, Shape, hood_roles, is_strip, leg_roles, pants_roles, sleeve_roles, upright
 
 SURE, UNSURE = 0.85, 0.65  # how sure a kind is by shape; the latter where front and back are hardly told apart
 ALIKE = 0.04  # relative difference of edges that are sewn together

@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.pattern.bodices import arm_side, bodice_roles
 from warp_cloth.pattern.by_shape import are_mirrored, is_leg_and_no_bodice, told_by_shape
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
@@ -29,8 +30,6 @@ from warp_cloth.pattern.pieces import opened
 from warp_cloth.pattern.roles import (
     Roles,
     Shape,
-    arm_side,
-    bodice_roles,
     collar_roles,
     concave_count,
     hood_roles,
@@ -64,6 +63,7 @@ class _Top:
 
     is_one: bool  # it has pieces that only tops have
     has_yoke: bool
+    has_bodice: bool  # a front or back on the fold has armholes and a neck, as no leg has
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
     panelled = _panelled(pieces, stated)
     places = {piece.name: stated.get(piece.name, Stated()).place for piece in pieces}
     kinds = {PLACES[place][0] if (place := places[piece.name]) else piece.what.kind for piece in pieces}
-    top = _top_of(kinds)
+    top = _top_of(kinds, pieces)
     for piece in _unique(pieces, notes):
         said = stated.get(piece.name, Stated())
         part = _part(piece, said, panelled, top)
@@ -153,7 +153,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
 def parts_as_drawn(pieces: Sequence[Piece]) -> tuple[Part, ...]:
     """A part for each piece, none of them left out, mirrored or opened."""
     told, _ = _identified(pieces)
-    top, panelled = _top_of({piece.what.kind for piece in told}), _panelled(told, {})
+    top, panelled = _top_of({piece.what.kind for piece in told}, told), _panelled(told, {})
     return tuple(_twins([_part(piece, Stated(), panelled, top) for piece in told]))
 
 
@@ -164,9 +164,11 @@ def _identified(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
     return known, [*by_seams, *by_shapes]
 
 
-def _top_of(kinds: Set[str]) -> _Top:
+def _top_of(kinds: Set[str], pieces: Sequence[Piece]) -> _Top:
     has_top = not kinds.isdisjoint(TOPS)
-    return _Top(has_top, "yoke" in kinds and has_top)
+    whole = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is not None]
+    has_bodice = any(concave_count(Shape(each.edges, upright(each.edges, "front"))) >= 2 for each in whole)
+    return _Top(has_top, "yoke" in kinds and has_top, has_bodice)
 
 
 def _unique(pieces: Sequence[Piece], notes: list[str]) -> list[Piece]:
@@ -246,7 +248,7 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
     elif piece.what.panel == UNDER_SLEEVE:
         kind = "under_sleeve"
     elif kind in ("front", "back") and kind not in panelled:
-        kind = kind if top.is_one else _worn_on(piece, kind)
+        kind = kind if top.is_one else _worn_on(piece, kind, top.has_bodice)
     elif kind == "leg" and _is_whole_leg(piece):
         pass
     elif kind == "skirt" and (sum(said.copies or piece.copies or ()) >= FEWEST_GORES or ring_of(piece.edges, False)):
@@ -278,12 +280,17 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
     return replace(part, roles=roles, side=side or _side(kind, shape, roles, mirror is not None))
 
 
-def _worn_on(piece: Piece, face: str) -> str:
-    """A front or back as a bodice's, a leg's or a skirt's, by what is cut out of it."""
+def _worn_on(piece: Piece, face: str, has_bodice: bool) -> str:
+    """A front or back as a bodice's, a leg's or a skirt's, by what is cut out of it.
+
+    ``has_bodice``: the other one is of a bodice, so that this one is, too, though its neck be cut straight.
+    """
     shape = Shape(piece.edges, upright(piece.edges, face))
     hollow = concave_count(shape)
     if piece.mirror is not None:
         return face if hollow >= 2 else f"skirt_{face}"
+    if hollow and has_bodice:
+        return face
     if hollow >= 2 and is_leg_and_no_bodice(piece):
         return f"leg_{face}"
     return face if hollow >= 2 else f"leg_{face}" if hollow == 1 else f"skirt_{face}"

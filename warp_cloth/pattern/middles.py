@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from warp_cloth.pattern.bodices import bodice_roles
 from warp_cloth.pattern.kinds import SIDE_PANEL, Named
 from warp_cloth.pattern.panel_roles import middle_side, side_panel_roles
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.roles import Shape, bodice_roles, upright
+from warp_cloth.pattern.roles import Shape, upright
 
 SMALLEST = 0.5  # of a side panel's area, of a piece that may be the middle one next to it: a pocket is smaller
 ALIKE = 0.04  # relative difference of the lengths of a princess seam's edges

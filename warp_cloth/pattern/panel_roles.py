@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from warp_cloth.pattern.bodices import arm_side, bodice_roles
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.roles import BENT, Roles, Shape, arm_side, bodice_roles, ends_of, sleeve_roles
+from warp_cloth.pattern.roles import BENT, Roles, Shape, ends_of, sleeve_roles
 
 SHARP = 0.5 * BENT  # turn at which one seam ends and another begins
 PLUMB = 0.01  # across over along, of the middle of half a skirt
