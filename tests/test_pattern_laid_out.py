@@ -68,6 +68,59 @@ def test_gores_go_round_the_waist_in_their_order(tmp_path: Path) -> None:
     assert np.linalg.norm(np.ptp(mesh.points, axis=0)[[0, 2]]) > 0.4
 
 
+def mirrored(drawn: list[list[float]]) -> list[list[float]]:
+    """The corners of the other half, counter-clockwise: its edge k is the drawn one's edge (count - 1 - k)."""
+    return [[-x, y] for x, y in [drawn[0], *drawn[:0:-1]]]
+
+
+def test_of_ways_to_lay_panels_those_with_handles_are_none(tmp_path: Path) -> None:
+    """A top of halves without straps, its side seams parted by a dart, its back seen through the front.
+
+    One end of a short seam starts 1.09 times nearer the wrong way, for which the right way had been refused, and the
+    top been laid with its back turned, and a handle.
+    """
+    front: list[list[float]] = [
+        [0, 0], [8.9, 0], [9.5, 13.8], [10.2, 0], [25.4, 0], [26.0, 15.3], [13.3, 17.0], [26.0, 18.6], [24.7, 23.1],
+        [0, 32.4],
+    ]  # fmt: skip
+    back: list[list[float]] = [
+        [0, 0.6], [6.6, 0.4], [8.5, 13.1], [8.7, 0.3], [13.1, -0.1], [15.5, 11.2], [15.2, -0.3], [24.5, -2.0],
+        [25.4, 13.3], [25.4, 18.0], [0, 14.8],
+    ]  # fmt: skip
+    panels, stitches = dict[str, Any](), list[Any]()
+    for name, drawn, darts in (("ftorso", front, ((1, 2), (5, 6))), ("btorso", back, ((1, 2), (4, 5)))):
+        panels |= {f"left_{name}": panel(drawn), f"right_{name}": panel(mirrored(drawn))}
+        last = len(drawn) - 1
+        stitches += [(f"left_{name}", one, f"left_{name}", other) for one, other in darts]
+        stitches += [(f"right_{name}", last - one, f"right_{name}", last - other) for one, other in darts]
+        stitches.append((f"left_{name}", last, f"right_{name}", 0))
+    for one, other in ((4, 7), (7, 8)):
+        stitches.append(("left_ftorso", one, "left_btorso", other))
+        stitches.append(("right_ftorso", 9 - one, "right_btorso", 10 - other))
+    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
+    assert any("laid round the body" in note for note in mesh.notes)
+    assert topology(mesh) == (2, 0)
+
+
+def test_a_shoulder_over_two_panels_is_sewn_in_their_order(tmp_path: Path) -> None:
+    """A front of a middle and two side panels: which of them is at the neck, their princess seam tells."""
+    middle: list[list[float]] = [[-11, 0], [11, 0], [10, 42], [14, 61.8], [8, 65], [-8, 65], [-14, 61.8], [-10, 42]]
+    side: list[list[float]] = [[11, 0], [26, 0], [25, 41], [19, 61], [15, 62.5], [10, 42]]
+    panels: dict[str, Any] = {"front_mid": panel(middle), "front_side_l": panel(side)}
+    panels |= {"front_side_r": panel(mirrored(side)), "back": top(0.1)}
+    panels["back"]["vertices"] = [[-26, 0], [26, 0], [25, 41], [19, 61], [8, 65], [-8, 65], [-19, 61], [-25, 41]]
+    stitches = list[Any]()
+    halves = ("front_side_l", [*range(6)], SIDES[0]), ("front_side_r", [*range(5, -1, -1)], SIDES[1])
+    for name, k, back in halves:
+        other = (1, 2, 3) if name.endswith("l") else (7, 6, 5)
+        stitches += [("front_mid", other[n], name, k[5 - n]) for n in (0, 1)]
+        stitches += [(name, k[1], "back", back), ("front_mid", other[2], "back", SHOULDERS[name.endswith("r")])]
+        stitches.append((name, k[3], "back", SHOULDERS[name.endswith("r")]))
+    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
+    assert any("laid round the body" in note for note in mesh.notes)
+    assert topology(mesh) == (4, -2)
+
+
 def trouser(hip: float, fork: float) -> dict[str, Any]:
     """A left leg's front, or its back as seen through it. Edges: hem, side, waist, crotch, inseam."""
     edges: list[dict[str, Any]] = [{"endpoints": [k, (k + 1) % 5]} for k in range(5)]

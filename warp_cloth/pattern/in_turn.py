@@ -23,20 +23,29 @@ class InTurn:
     cuts: tuple[float, ...]  # where on the edge each begins, and the last one ends, of its length
 
 
-def runs_in_turn(pattern: Pattern, side: Side, runs: Sequence[Run], places: Sequence[float], lengths: Floats) -> InTurn:
+def runs_in_turn(
+    pattern: Pattern,
+    side: Side,
+    runs: Sequence[Run],
+    places: Sequence[float],
+    lengths: Floats,
+    stated: Sequence[bool | None],
+) -> InTurn:
     """The runs of edges that an edge is sewn to, one after another.
 
     Runs that follow each other along an edge end at one seam: their panels' next edges are sewn to each other, as the
     sides of a skirt below a waistband. Where these seams lead through all runs, they decide, as the placement of a band
-    that lies flat does not; which run is the first, and which way round, is what is nearest as placed. Else only
-    ``places`` tell, where along the edge, from 0 to 1, each run lies nearest.
+    that lies flat does not; which run is the first, and which way round, is as ``stated``, of each run whether it is
+    met from its end, else what is nearest as placed. Else only ``places`` tell, where along the edge, from 0 to 1, each
+    run lies nearest.
     """
     placed = tuple(sorted(range(len(runs)), key=lambda k: (places[k], k)))
     chain, is_ring = _chain(_links(pattern, runs), len(runs))
-    if len(chain) < len(runs) or len(runs) < 3:
+    if len(chain) < len(runs):
         return InTurn(placed, (None,) * len(runs), _cuts(lengths, placed))
     turns = [chain[k:] + chain[:k] for k in range(len(chain))] if is_ring else [chain]
     turns += [[(run, 1 - end) for run, end in turn[::-1]] for turn in turns]
+    turns = [turn for turn in turns if all(stated[run] in (None, bool(end)) for run, end in turn)] or turns
     ways = [
         InTurn(order, tuple(bool(end) for _, end in turn), _cuts(lengths, order))
         for turn in turns

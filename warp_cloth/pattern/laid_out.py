@@ -13,16 +13,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Curve, Floats
 from warp_cloth.pattern.draft import STRIPS, Part, parts_as_drawn
 from warp_cloth.pattern.figure import Figure, figure_of
 from warp_cloth.pattern.half_sleeves import half_sleeves
+from warp_cloth.pattern.handles import handle_count
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, Named, named_all, plain
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import halved
 from warp_cloth.pattern.placing import wraps_of
+from warp_cloth.pattern.sewing import DECISIVE, seams_of
 from warp_cloth.pattern.specification import Edge, Panel, Pattern, Side, Stitch
 from warp_cloth.pattern.vocabulary import WORDS
 from warp_cloth.pattern.wrap import MIRROR, Laid
@@ -31,7 +34,7 @@ POINTS = 33  # of a curve, when shapes are compared
 KNOWN = 0.9  # of the cloth's area, that is to be of kinds which are known, and shaped as these are
 LED = 0.6  # the same, where the rest lies as its seams lead
 SEAMS_TELL = 1.5  # times as far apart, as which seams count where they lead sleeves, against names
-SURELY = 1.05  # over how far ends are the other way, from which a panel is not what it is taken for
+SURELY = 1.05  # times nearer that ends may be the other way; up to DECISIVE where no way has less
 SHARED = 0.5  # of the smaller one's box, that two panels share which lie on each other
 FACES = ("front", "back")
 SLEEVES = ("sleeve", "under_sleeve", "cuff", "")
@@ -44,6 +47,7 @@ class _Laid:
 
     pattern: Pattern
     apart: float
+    contrary: float  # how many times nearer the ends of a stitch are the other way, at most
 
 
 def laid_round(pattern: Pattern, figure: Figure | None) -> Pattern:
@@ -53,10 +57,10 @@ def laid_round(pattern: Pattern, figure: Figure | None) -> Pattern:
         InputError: they do not tell, there is a person to wear it, and panels lie on those that they are sewn to.
     """
     figure = figure or figure_of(None)
-    ways: list[tuple[float, _Laid]] = []
+    ways: list[tuple[bool, float, _Laid]] = []
     for led, weight in ((False, 1.0), (True, SEAMS_TELL)):
         found = [laid for behind in (False, True) if (laid := _laid(pattern, figure, behind, led)) is not None]
-        ways += [(weight * laid.apart, laid) for laid in found]
+        ways += [(laid.contrary > SURELY, weight * laid.apart, laid) for laid in found if not _has_handles(laid)]
     if not ways:
         if not figure.is_nominal and _lie_on_each_other(pattern):
             pattern.refuse(
@@ -65,7 +69,7 @@ def laid_round(pattern: Pattern, figure: Figure | None) -> Pattern:
                 "state translation and rotation of each panel, or name them: front, back, left_sleeve, skirt_back, ...",
             )
         return pattern
-    _, best = min(ways, key=lambda way: way[0])  # the first of equal ones
+    _, _, best = min(ways, key=lambda way: way[:2])  # the first of equal ones
     nobody = "; no person is there: a figure of 1.70 m" if figure.is_nominal else ""
     note = f"no panel is placed: laid round the body by their names and shapes{nobody}"
     kept = [told for told in pattern.notes if not told.endswith("starts at the origin")]
@@ -122,8 +126,16 @@ def _laid(pattern: Pattern, figure: Figure, behind: bool, led: bool) -> _Laid | 
     # loops that all run counter-clockwise as seen from outside tell which way round each seam is
     told = tuple(replace(each, right_to_wrong=bool(each.right_to_wrong)) for each in stitches)
     made = replace(pattern, panels=tuple(laid), stitches=told)
-    apart = _apart(made, {*halves})
-    return _Laid(made, apart) if np.isfinite(apart) else None
+    apart, contrary = _apart(made, {*halves})
+    return _Laid(made, apart, contrary) if contrary < DECISIVE else None
+
+
+def _has_handles(laid: _Laid) -> bool:
+    """Whether a pattern laid so has handles, or cannot be sewn: then panels are taken for what they are not."""
+    try:
+        return handle_count(laid.pattern, seams_of(laid.pattern)) > 0
+    except InputError:
+        return True
 
 
 def _lie_on_each_other(pattern: Pattern) -> bool:
@@ -223,23 +235,23 @@ def _of_panel(wrap: Laid, part: Part, piece: Piece, flip: bool) -> Laid:
     return own.mirrored() if flip else own
 
 
-def _apart(pattern: Pattern, halves: Set[int]) -> float:
-    """How far apart the ends of stitched edges start in the mean [m]; infinite where they are nearer the other way.
+def _apart(pattern: Pattern, halves: Set[int]) -> tuple[float, float]:
+    """How far apart the ends of stitched edges start in the mean [m]; and how many times nearer the other way, at most.
 
     All loops run counter-clockwise as seen from outside, so that edges that are sewn run against each other, if each
     panel is what it is taken for. Both ends of half a sleeve's cap are about as far from those of an armhole: the seams
     between ``halves`` tell.
     """
-    found = []
+    found, contrary = [], 1.0
     for stitch in pattern.stitches:
         if len(halves & {side.panel for side in stitch.sides}) == 1:
             continue
         one, other = (_ends(pattern, side) for side in stitch.sides)
         against, along = (float(np.linalg.norm(one - ends, axis=1).mean()) for ends in (other[::-1], other))
-        if not stitch.right_to_wrong and against > SURELY * along:
-            return np.inf
+        if not stitch.right_to_wrong:
+            contrary = max(contrary, against / max(along, 1e-9))
         found.append(min(against, along))
-    return float(np.mean(found)) if found else 0.0
+    return float(np.mean(found)) if found else 0.0, contrary
 
 
 def _ends(pattern: Pattern, side: Side) -> Floats:

@@ -172,7 +172,9 @@ def _one_to_many(
     if any(run_side.panel == side.panel for run in runs for run_side in run):
         pattern.refuse(place, f"{pattern.edge_name(side)} is sewn to edges of its own panel and of others",
                        "divide the edge where they meet")  # fmt: skip
-    turn = runs_in_turn(pattern, side, runs, places, lengths)
+    stated = [_Joint(side, run, tuple(other[each] for each in run)).stated for run in runs]
+    reversed_ = [None if each is None else not each for each in stated]
+    turn = runs_in_turn(pattern, side, runs, places, lengths, reversed_)
     spans = pairwise(turn.cuts)
     return [
         _Joint(side, runs[k], tuple(other[partner] for partner in runs[k]), low, high, led=led)
