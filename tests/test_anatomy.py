@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import EdgeGraph, level_lines
 from warp_cloth.anatomy.linking import Wearing, curve_crossings, limbs_through
-from warp_cloth.anatomy.openings import LEGS, Opening, limbs_for, openings_of
+from warp_cloth.anatomy.openings import ARMS, LEGS, Opening, limbs_for, openings_of
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, RIGHT_LEG, TRUNK, Skeleton, skeleton_of
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
@@ -188,6 +188,27 @@ def test_a_tshirt_cut_open_in_front_is_for_both_arms_and_all_the_rest(tshirt: Ou
     jacket = Wearing.of(openings, garment.points, triangles, wearing.skeleton)
     assert sorted(jacket.limbs) == [(HEAD, *LEGS), (RIGHT_ARM,), (LEFT_ARM,)]
     assert jacket.start_fault == ""
+
+
+@pytest.mark.parametrize("strap", [True, False])
+def test_a_halter_is_for_head_arms_and_legs(tshirt: Outfit, strap: bool) -> None:
+    """The T-shirt cut away beside a bib and behind the shoulders, but for a strip below the neckline at the back."""
+    (wearing,), (garment,) = tshirt.wearing, tshirt.garments
+    assert wearing is not None
+    skeleton = wearing.skeleton
+    middle = garment.points[garment.triangles].mean(axis=1) - skeleton.middle
+    across, ahead, up = np.abs(middle @ skeleton.left), middle @ skeleton.forward, middle @ skeleton.up
+    under_arms = float((skeleton.shoulders - skeleton.middle) @ skeleton.up) - 0.2
+    is_behind = (ahead < np.median(ahead)) & (up < up[(across < 0.02) & (ahead < np.median(ahead))].max() - 0.04)
+    kept = (up < under_arms) & (across < 0.3)
+    if strap:
+        kept |= (across < 0.12) & ~is_behind
+    triangles = garment.triangles[kept]
+    topology = build_topology(triangles, len(garment.points))
+    lengths = np.linalg.norm(np.diff(garment.points[topology.edges], axis=1)[:, 0], axis=1)
+    openings = openings_of(topology, triangles, lengths, len(garment.points))
+    found = limbs_for(openings, garment.points, skeleton)
+    assert sorted(found) == (sorted([(HEAD,), ARMS, LEGS]) if strap else [LEGS, LEGS])
 
 
 def test_sleeves_that_hang_lower_than_the_hem_are_for_arms(tshirt: Outfit) -> None:

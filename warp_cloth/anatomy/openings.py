@@ -19,6 +19,8 @@ ACROSS = 0.2  # of an opening's width on the lesser side of the middle: a hem is
 HEM = 0.7  # girth of a hem over a sleeve's, at least; a keyhole is smaller
 PAIR = 0.95  # girth over the largest one's, of an opening that is its like on the other side
 TALL = 0.5  # of a garment's height, of an opening from its neck to its hem
+STRAP = 0.25  # of a neckline's girth, as wide as a halter's strap is at most
+STRAP_BELOW = 0.05  # [m] below the shoulders, down to where a halter's strap may start
 BESIDE = 0.08  # of the body's span: a garment that is farther to one side is beside the body
 
 LEGS, ARMS = (RIGHT_LEG, LEFT_LEG), (RIGHT_ARM, LEFT_ARM)
@@ -89,7 +91,8 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
     Of openings on one side the lower of two is for the leg; a single one is for the leg if nothing opens below it in
     the middle, nor are there a neckline and a hem, as sleeves hang lower than a short one. In the middle, the highest
     opening above sleeves is for the head; others are for both legs, but a cape, which opens above the shoulders and has
-    no sleeves, hangs from the head's opening alone. What is open in front has one opening in the middle, from neck to
+    no sleeves, hangs from the head's opening alone. A halter's strap has the head on one
+    side of it and both arms on the other. What is open in front has one opening in the middle, from neck to
     hem, beside those of its sleeves.
 
     Each separate piece is read by itself, as a lining within its shirt. One whose openings are all on one side, such as
@@ -159,11 +162,23 @@ def _limbs_of_piece(openings: Sequence[Opening], points: Points, cloth: Points, 
     sleeves = {limbs[0] for limbs in found.values()} & set(ARMS)
     in_middle.sort(key=lambda n: -up[n])
     shoulders = float((skeleton.shoulders - skeleton.middle) @ skeleton.up)
+    if not found and _is_halter([openings[n] for n in in_middle], points @ skeleton.up, skeleton):
+        return [((HEAD,), ARMS, LEGS)[in_middle.index(n)] for n in range(len(openings))]
     is_cape = not found and len(in_middle) > 0 and up[in_middle[0]] > shoulders
     for place, number in enumerate(in_middle):
         for_head = place == 0 and sleeves
         found[number] = (HEAD,) if is_cape else (HEAD, *sorted(set(ARMS) - sleeves)) if for_head else LEGS
     return [found.get(number, ()) for number in range(len(openings))]
+
+
+def _is_halter(openings: Sequence[Opening], up: Floats, skeleton: Skeleton) -> bool:
+    """Whether the upper two of three openings, from the highest on, are either side of a strap behind the neck."""
+    if len(openings) != 3:
+        return False
+    neck, arms, _ = openings
+    at_shoulders = float(skeleton.shoulders @ skeleton.up) - STRAP_BELOW
+    meets = float(neck.distances[arms.loop].min()) < STRAP * neck.girth
+    return meets and all(float(up[each.loop].max()) > at_shoulders for each in (neck, arms))
 
 
 def _is_open_in_front(
