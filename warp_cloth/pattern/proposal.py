@@ -18,6 +18,7 @@ from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.gussets import proposed_gussets, slits_of, without_gaps
 from warp_cloth.pattern.joints import Joint, notch_fractions
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
+from warp_cloth.pattern.leg_yokes import leg_run, leg_yokes, lower_yokes, proposed_leg_yokes
 from warp_cloth.pattern.neckline import half_neck, neck_from_back, neck_from_front
 from warp_cloth.pattern.runs import (
     DOUBTED,
@@ -145,19 +146,21 @@ def _centres(
     for one in panels:
         other = parts[one].twin
         if other is not None and one < other and parts[one].side != BOTH:
-            runs = parts[one].roles.get(role, ()), parts[other].roles.get(role, ())
-            out += joint_of(parts, run_of(one, runs[0]), run_of(other, runs[1], True), reason, sure=sure)
+            out += joint_of(parts, leg_run(parts, one, role), leg_run(parts, other, role)[::-1], reason, sure=sure)
     return out
 
 
 def _legs(parts: Sequence[Part]) -> Iterable[Joint]:
     fronts, backs = parts_of_kind(parts, "leg_front"), parts_of_kind(parts, "leg_back")
+    is_yoke_loose = bool(lower_yokes(parts)) and not leg_yokes(parts)
+    yield from proposed_leg_yokes(parts)
     for front in fronts:
         for back in backs:
             if BOTH not in (parts[front].side, parts[back].side) and parts[front].side == parts[back].side:
                 for role in ("outseam", "inseam"):
-                    one, other = parts[front].roles.get(role, ()), parts[back].roles.get(role, ())
-                    yield from joint_of(parts, run_of(front, one), run_of(back, other, True), role, LEG_EASE)
+                    runs = leg_run(parts, front, role), leg_run(parts, back, role)[::-1]
+                    sure = DOUBTED if role == "outseam" and is_yoke_loose else 1.0
+                    yield from joint_of(parts, *runs, role, LEG_EASE, sure)
     yield from _centres(parts, fronts, 1.0, "front crotch", "crotch")
     yield from _centres(parts, backs, 1.0, "back crotch", "crotch")
     for leg in parts_of_kind(parts, "leg"):
@@ -270,6 +273,8 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
         part = parts[band]
         others = [each for each in parts_of_kind(parts, part.kind) if each not in (band, part.twin)]
         sure = DOUBTED if others and part.kind != "cuff" else 1.0  # a stand and its collar: which goes on the neck?
+        if part.kind == "waistband" and lower_yokes(parts) and not leg_yokes(parts):
+            sure = DOUBTED
         if "end" not in part.roles or "neck" in part.roles:
             continue
         ring = _ring(parts, band)
@@ -332,7 +337,7 @@ def _around(
     for panel, part in enumerate(parts):
         kind = part.kind.removeprefix("side_")
         if kind in fronts or kind in backs:
-            run = run_of(panel, part.roles.get(role, ()), True)
+            run = leg_run(parts, panel, role)[::-1]
             if run:
                 runs.setdefault((kind in fronts, kind != part.kind, part.side), run)
     # upper edges run from the wearer's left to the right in front, so against them it is right to left
