@@ -294,6 +294,12 @@ def _makes_more_handles(
 ) -> bool:
     """Whether two groups of panels, joined so by a joint, get more handles than if one of them is turned over."""
     counts, group = [], joints[index].one.panel
+    met = outer.copy()
+    met.join(group, joints[index].run[0].panel, reverse)
+    ends = [(joint.one.panel, joint.run[0].panel) for joint in joints if not joint.layer]
+    between = (outer.agree(*pair) is None and met.agree(*pair) is not None for pair in ends)
+    if sum(between) < 2:  # one seam alone makes the same of both ways
+        return False
     for way in (reverse, not reverse):
         tried = outer.copy()
         tried.join(group, joints[index].run[0].panel, way)
