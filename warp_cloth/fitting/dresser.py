@@ -117,7 +117,8 @@ class Dresser:
             self._pose(garments[0].points, lifted)
         self._curves: Sequence[Points] = self._posed
         self._thickness = THIN
-        self._feet = Feet(avatar.points, wearing.skeleton, may_be_met=LEGS in wearing.limbs and worn is None)
+        has_hem = LEGS in wearing.limbs and not wearing.has_legs  # round both legs, as a waist is, too
+        self._feet = Feet(avatar.points, wearing.skeleton, may_be_met=has_hem and worn is None)
         self._feet.draw_in(garments[0].points, self._posed)
         self._surface = self._feet.on(self._body.points(self._posed, THIN), self._posed)
         sewn = replace(outfit, garments=garments, avatar=replace(avatar, points=self._surface))
