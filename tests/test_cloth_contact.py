@@ -32,7 +32,7 @@ GRADIENT_ERROR = 1e-5  # of the largest force: the force's third derivative over
 
 
 @pytest.mark.parametrize("gathers", [False, True])
-@pytest.mark.parametrize("precision", ["float64", "mixed"])
+@pytest.mark.parametrize("precision", [pytest.param("float64", marks=pytest.mark.long), "mixed"])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_forces_are_those_of_every_pair(seed: int, precision: str, gathers: bool) -> None:
     flat, mesh = grid(12, 0.22), crumpled(seed)

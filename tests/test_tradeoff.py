@@ -59,6 +59,7 @@ def decided(tree: dict[str, Any]) -> Scene:
     return first_attempt(scene, load_outfit(scene)).scene
 
 
+@pytest.mark.long
 def test_the_recommended_settings_are_within_the_error_wanted_when_run_afresh(found: tuple[Trade, Path]) -> None:
     best = found[0].cheapest
     reference = fit(TREE, device="cpu", overrides=reference_of(decided(TREE)).overrides()).garments[0]
@@ -67,6 +68,7 @@ def test_the_recommended_settings_are_within_the_error_wanted_when_run_afresh(fo
     assert 1e3 * np.sqrt(np.mean(away**2)) <= WITHIN_MM
 
 
+@pytest.mark.long
 def test_nothing_beats_the_front(found: tuple[Trade, Path]) -> None:
     trade, _ = found
     for trial in trade.measured:
@@ -77,11 +79,13 @@ def test_nothing_beats_the_front(found: tuple[Trade, Path]) -> None:
     )
 
 
+@pytest.mark.long
 def test_every_knob_is_turned(found: tuple[Trade, Path]) -> None:
     wanted = {"scene", "tolerance", "precision", "collider", "pixel", "mesh", "method", "iterations"}
     assert wanted <= {trial.knob for trial in found[0].measured}
 
 
+@pytest.mark.long
 def test_a_study_that_was_cut_off_goes_on_with_what_it_knows(
     found: tuple[Trade, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
