@@ -91,9 +91,8 @@ def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -
     Of openings on one side the lower of two is for the leg; a single one is for the leg if nothing opens below it in
     the middle, nor are there a neckline and a hem, as sleeves hang lower than a short one. In the middle, the highest
     opening above sleeves is for the head; others are for both legs, but a cape, which opens above the shoulders and has
-    no sleeves, hangs from the head's opening alone. A halter's strap has the head on one
-    side of it and both arms on the other. What is open in front has one opening in the middle, from neck to
-    hem, beside those of its sleeves.
+    no sleeves, hangs from the head's opening alone. A halter's strap has the head on one side and both arms on the
+    other. What is open in front has one opening in the middle, from neck to hem, next to those of its sleeves.
 
     Each separate piece is read by itself, as a lining within its shirt. One whose openings are all on one side, such as
     a glove or a leg warmer, does not show which limb it is for.
