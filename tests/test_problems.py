@@ -257,6 +257,21 @@ def test_a_top_opening_that_came_down_far_has_slid_off(tmp_path: Path, down: flo
         assert len(problem.vertices) == 36
 
 
+@pytest.mark.parametrize(("down", "told"), [(0.25, False), (0.4, True)])
+def test_a_strapless_top_that_leaves_the_bust_has_slid_off(tmp_path: Path, down: float, told: bool) -> None:
+    """It comes down by this part of the way from the shoulders to the waist, less than what is started higher may."""
+    top = tube(0.19, 1.0, 1.28)
+    write_obj(tmp_path / "top.obj", top.points, top.triangles)
+    garment = {"mesh": str(tmp_path / "top.obj"), "units": "m"}
+    scene, outfit = loaded({"garment": garment, "avatar": {"shape": {"kind": "mannequin"}}})
+    (wearing,) = outfit.wearing
+    assert wearing is not None
+    assert wearing.hangs_from_bust
+    way = wearing.skeleton.shoulders - wearing.skeleton.waist
+    worn = outfit.garments[0].points - down * float(way @ wearing.skeleton.up) * wearing.skeleton.up
+    assert ("slid_off" in judge(scene, outfit, worn)) == told
+
+
 @pytest.mark.parametrize(("wider", "told"), [(1.35, True), (1.25, False)])
 def test_a_tube_stretched_all_around_is_too_small(tmp_path: Path, wider: float, told: bool) -> None:
     scene, outfit = loaded(on_post(tmp_path))

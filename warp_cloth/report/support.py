@@ -27,6 +27,9 @@ SLID, FOLDED = 0.09, 0.18
 # Of the way from the waist down to the crotch: how low the top of a skirt rests at most, wherever it started. The hips
 # hold it above there: they are widest at 0.85 to 0.95.
 LOWEST_TOP = 0.67
+# Of the way from the shoulders to the waist: how far what hangs from the bust comes down at most. Two strapless tops
+# that stay there settle by 0.11 and 0.21; one that came down by 0.45 lies heaped up round the waist.
+FROM_BUST = 0.33
 LEVEL = 0.01  # of the avatar's height, up to which openings start at one height
 NECK = 0.8  # of the avatar's height, above which a top opening is a collar or a hood
 NARROWEST = 0.06  # of the avatar's height: the girth of an opening for a limb; less is a buttonhole
@@ -140,6 +143,9 @@ def slid_down(judged: Judged) -> FitProblem | None:
         above = max(wearing.too_high, wearing.above_waist, wearing.above_neck)
         if above > 0.0:  # it was placed higher than where it belongs: it comes down to there first
             began, than = began - above, "than where it belongs"
+        if wearing.hangs_from_bust:
+            way = wearing.skeleton.shoulders - wearing.skeleton.waist
+            limit = min(limit, FROM_BUST * float(way @ wearing.skeleton.up))
     if not began - ended > limit:
         return None
     if wearing is not None and wearing.is_trousers and not wearing.rise(judged.points) > limit:
