@@ -238,6 +238,28 @@ def test_a_tube_beside_its_post_has_empty_openings(tmp_path: Path, shift: float,
         assert len(problem.vertices) == 72
 
 
+@pytest.mark.parametrize(
+    ("top", "arm", "told"), [(1.05, 0.0, False), (1.6, 0.0, True), (1.05, 0.5, True)], ids=("form", "head", "arm")
+)
+def test_sleeves_hang_empty_on_a_dress_form(tmp_path: Path, top: float, arm: float, told: bool) -> None:
+    """A trunk on a post up to ``top``, and a sleeve 0.25 m to one side of it; an arm stands as far out as ``arm``."""
+    trunk, sleeve = tube(0.1, 0.7, 1.0, around=36, rows=13), tube(0.05, 0.8, 0.9, around=36)
+    both = np.concatenate([trunk.points, sleeve.points + np.array([0.25, 0.0, 0.0])])
+    write_obj(tmp_path / "shirt.obj", both, np.concatenate([trunk.triangles, sleeve.triangles + len(trunk.points)]))
+    body = trimesh.creation.box((0.14, top, 0.14))
+    body.apply_translation((0.0, 0.5 * top, 0.0))
+    if arm:
+        limb = trimesh.creation.box((0.05, 0.6, 0.05))
+        limb.apply_translation((arm, 0.7, 0.0))
+        body = trimesh.util.concatenate([body, limb])
+    write_obj(tmp_path / "form.obj", body.vertices, body.faces)
+    scene = {
+        "garment": {"mesh": str(tmp_path / "shirt.obj"), "units": "m"},
+        "avatar": {"mesh": str(tmp_path / "form.obj"), "units": "m"},
+    }
+    assert ("empty_opening" in judge(*loaded(scene))) == told
+
+
 @pytest.mark.parametrize(("up", "told"), [(0.87, False), (1.15, True)])
 def test_an_opening_just_beyond_the_end_of_a_limb_is_filled(tmp_path: Path, up: float, told: bool) -> None:
     """The post's end, at 1.6 m, lies in the tube within a radius of its upper opening, or below the tube."""
