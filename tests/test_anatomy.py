@@ -192,7 +192,7 @@ def test_a_tshirt_cut_open_in_front_is_for_both_arms_and_all_the_rest(tshirt: Ou
 
 @pytest.mark.parametrize("strap", [True, False])
 def test_a_halter_is_for_head_arms_and_legs(tshirt: Outfit, strap: bool) -> None:
-    """The T-shirt cut away beside a bib and behind the shoulders, but for a strip below the neckline at the back."""
+    """The T-shirt without its sides and the cloth behind the shoulders, but for a strip at the neck."""
     (wearing,), (garment,) = tshirt.wearing, tshirt.garments
     assert wearing is not None
     skeleton = wearing.skeleton

@@ -28,7 +28,7 @@ def waistcoat(point: float) -> list[Drafted]:
 @pytest.mark.parametrize("point", [0.0, 3.0, 7.0])
 @pytest.mark.parametrize("is_mirrored", [False, True])
 def test_a_front_with_a_straight_neck_is_no_leg(point: float, is_mirrored: bool, tmp_path: Path) -> None:
-    """One edge of it is hollow, as of a leg; but the other piece is of a bodice."""
+    """One edge of it is hollow, like a leg's; but the other piece is of a bodice."""
     front, back = waistcoat(point)
     if is_mirrored:
         front = replace(front, edges=[[(-x, y) for x, y in edge[::-1]] for edge in front.edges[::-1]])

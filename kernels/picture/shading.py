@@ -200,9 +200,9 @@ def resolve_pixels(
     total = wp.vec3f()
     for y in range(samples):
         for x in range(samples):
-            at, beside = first + y, column * samples + x
-            if ids[at, beside] < empty:
-                total += wp.cw_mul(reflectance[at, beside], light[at, beside])
+            at, across = first + y, column * samples + x
+            if ids[at, across] < empty:
+                total += wp.cw_mul(reflectance[at, across], light[at, across])
                 drawn += 1
             else:
                 total += background

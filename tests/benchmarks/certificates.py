@@ -11,7 +11,8 @@ python tests/benchmarks/certificates.py --device cuda:0 --workers 8
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -71,23 +72,33 @@ def add_certificates(figures: Figures, runs: Iterable[Run]) -> None:
     figures.add("held", f"{held} of {judged}", "certificates whose end is known")
 
 
-def relaxed(device: str, case: tuple[Case, str]) -> Run:
+def relaxed(device: str, more: Mapping[str, float] | None, case: tuple[Case, str]) -> Run:
     start_warp(False)
-    return run_case(*case, device)
+    return run_case(*case, device, more=more)
+
+
+def run_study(
+    script: str,
+    parser: ArgumentParser,
+    cases_of: Callable[[Namespace], Sequence[tuple[Case, str]]],
+    more: Mapping[str, float] | None = None,
+) -> None:
+    """The command of a study of certificates; ``more``: values that go over those of the scenes' fabrics."""
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--only", default="", help="scenes whose names contain this")
+    chosen = parser.parse_args()
+    some = [case for case in cases_of(chosen) if chosen.only in case[0].name]
+    with (
+        ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool,
+        Figures(script, chosen, device=chosen.device, cores=chosen.workers) as figures,
+    ):
+        add_certificates(figures, pool.map(partial(relaxed, chosen.device, more), some))
 
 
 def main() -> None:
     parser = script_parser(__doc__, device="cpu")
-    parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--seed", type=int, default=2026)
-    parser.add_argument("--only", default="", help="scenes whose names contain this")
-    chosen = parser.parse_args()
-    some = [case for case in cases(chosen.seed) if chosen.only in case[0].name]
-    with (
-        ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool,
-        Figures(__file__, chosen, device=chosen.device, cores=chosen.workers) as figures,
-    ):
-        add_certificates(figures, pool.map(partial(relaxed, chosen.device), some))
+    run_study(__file__, parser, lambda chosen: cases(chosen.seed))
 
 
 if __name__ == "__main__":

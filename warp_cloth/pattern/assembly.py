@@ -25,7 +25,8 @@ from warp_cloth.pattern.loose import without_loose
 from warp_cloth.pattern.mesher import Flat, meshed
 from warp_cloth.pattern.outline import SewnOutlines, sewn_outlines
 from warp_cloth.pattern.rings import with_rings
-from warp_cloth.pattern.sewing import Seam, seams_of
+from warp_cloth.pattern.seam import Seam
+from warp_cloth.pattern.sewing import seams_of
 from warp_cloth.pattern.specification import Pattern, short
 
 if TYPE_CHECKING:

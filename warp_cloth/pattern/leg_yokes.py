@@ -26,14 +26,19 @@ class LegYoke:
     sure: float
 
 
-def lower_yokes(parts: Sequence[Part]) -> list[int]:
-    """Yokes without a neck and shoulders: they may belong between trousers or a skirt and the waist."""
+def has_loose_yokes(parts: Sequence[Part]) -> bool:
+    """Whether yokes may belong between trousers or a skirt and the waist, but no leg's back fits them."""
+    return bool(_lower_yokes(parts)) and not leg_yokes(parts)
+
+
+def _lower_yokes(parts: Sequence[Part]) -> list[int]:
+    """Yokes without a neck and shoulders."""
     return [yoke for yoke in parts_of_kind(parts, "yoke") if not parts[yoke].roles]
 
 
 def leg_yokes(parts: Sequence[Part]) -> dict[int, LegYoke]:
     """The yoke of each leg's back. Which of a yoke's ends is at the side, the front's longer outseam tells."""
-    yokes = lower_yokes(parts)
+    yokes = _lower_yokes(parts)
     fronts, backs = ({parts[leg].side: leg for leg in parts_of_kind(parts, kind)} for kind in ("leg_front", "leg_back"))
     if len(yokes) != 2 or parts[yokes[0]].twin != yokes[1] or not {*fronts} == {*backs} == {LEFT, RIGHT}:
         return {}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warp_cloth.pattern.curve import Curve, Floats
 from warp_cloth.pattern.lattice import GRADE
 from warp_cloth.pattern.loops import area_of
-from warp_cloth.pattern.sewing import Piece, Seam
+from warp_cloth.pattern.seam import Piece, Seam
 from warp_cloth.pattern.specification import Dart, Panel, Pattern, Side, short
 
 Ints = NDArray[np.int64]

@@ -18,7 +18,7 @@ from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.gussets import proposed_gussets, slits_of, without_gaps
 from warp_cloth.pattern.joints import Joint, notch_fractions
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
-from warp_cloth.pattern.leg_yokes import leg_run, leg_yokes, lower_yokes, proposed_leg_yokes
+from warp_cloth.pattern.leg_yokes import has_loose_yokes, leg_run, proposed_leg_yokes
 from warp_cloth.pattern.neckline import half_neck, neck_from_back, neck_from_front
 from warp_cloth.pattern.runs import (
     DOUBTED,
@@ -152,15 +152,14 @@ def _centres(
 
 def _legs(parts: Sequence[Part]) -> Iterable[Joint]:
     fronts, backs = parts_of_kind(parts, "leg_front"), parts_of_kind(parts, "leg_back")
-    is_yoke_loose = bool(lower_yokes(parts)) and not leg_yokes(parts)
+    outseam = DOUBTED if has_loose_yokes(parts) else 1.0
     yield from proposed_leg_yokes(parts)
     for front in fronts:
         for back in backs:
             if BOTH not in (parts[front].side, parts[back].side) and parts[front].side == parts[back].side:
                 for role in ("outseam", "inseam"):
                     runs = leg_run(parts, front, role), leg_run(parts, back, role)[::-1]
-                    sure = DOUBTED if role == "outseam" and is_yoke_loose else 1.0
-                    yield from joint_of(parts, *runs, role, LEG_EASE, sure)
+                    yield from joint_of(parts, *runs, role, LEG_EASE, outseam if role == "outseam" else 1.0)
     yield from _centres(parts, fronts, 1.0, "front crotch", "crotch")
     yield from _centres(parts, backs, 1.0, "back crotch", "crotch")
     for leg in parts_of_kind(parts, "leg"):
@@ -273,7 +272,7 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
         part = parts[band]
         others = [each for each in parts_of_kind(parts, part.kind) if each not in (band, part.twin)]
         sure = DOUBTED if others and part.kind != "cuff" else 1.0  # a stand and its collar: which goes on the neck?
-        if part.kind == "waistband" and lower_yokes(parts) and not leg_yokes(parts):
+        if part.kind == "waistband" and has_loose_yokes(parts):
             sure = DOUBTED
         if "end" not in part.roles or "neck" in part.roles:
             continue

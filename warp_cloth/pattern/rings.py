@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.sewing import Piece, Seam, seams_of
+from warp_cloth.pattern.seam import Piece, Seam
+from warp_cloth.pattern.sewing import seams_of
 from warp_cloth.pattern.specification import Panel, Pattern, Side, short
 from warp_cloth.pattern.wrap import Ring
 

@@ -12,6 +12,7 @@ import numpy as np
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.handles import handle_count
 from warp_cloth.pattern.in_turn import runs_in_turn
+from warp_cloth.pattern.seam import Piece, Seam
 from warp_cloth.pattern.specification import Panel, Pattern, Side, Stitch
 
 # How many times nearer the ends of a stitch must be one way round than the other. In 2,271 stitches of 96 GarmentCode
@@ -26,27 +27,6 @@ LOOP_SAMPLES = np.array([0.0, 0.25, 0.5, 0.75])  # of each edge
 SAME_STOP = 1e-9  # of an edge's length, within which two layers are cut at one place
 APART = 0.25  # of an edge, between the middles of what is sewn to it: they lie side by side, and are no layers
 UNEQUAL = 1.6  # times: an edge and what it is sewn to, over several panels; more is gathered on one panel alone
-
-
-@dataclass(frozen=True)
-class Piece:
-    """A part of an edge, from one fraction of its length to another."""
-
-    side: Side
-    low: float = 0.0
-    high: float = 1.0
-
-
-@dataclass(frozen=True)
-class Seam:
-    """Two pieces that are sewn together over their whole lengths; ``reverse``: the first's start to the second's end.
-
-    Loops run counter-clockwise as seen from outside, so a seam that continues the outer side is in reverse.
-    """
-
-    stitch: int
-    pieces: tuple[Piece, Piece]
-    reverse: bool
 
 
 @dataclass(frozen=True)
@@ -294,15 +274,18 @@ def _makes_more_handles(
 ) -> bool:
     """Whether two groups of panels, joined so by a joint, get more handles than if one of them is turned over."""
     counts, group = [], joints[index].one.panel
-    met = outer.copy()
-    met.join(group, joints[index].run[0].panel, reverse)
+
+    def joined(way: bool) -> _OuterSides:
+        made = outer.copy()
+        made.join(group, joints[index].run[0].panel, way)
+        return made
+
+    met = joined(reverse)
     ends = [(joint.one.panel, joint.run[0].panel) for joint in joints if not joint.layer]
     between = (outer.agree(*pair) is None and met.agree(*pair) is not None for pair in ends)
     if sum(between) < 2:  # one seam alone makes the same of both ways
         return False
-    for way in (reverse, not reverse):
-        tried = outer.copy()
-        tried.join(group, joints[index].run[0].panel, way)
+    for tried in (met, joined(not reverse)):
         seams: list[Seam] = []
         for joint in joints:
             same = tried.agree(joint.one.panel, joint.run[0].panel)
