@@ -95,6 +95,7 @@ def test_of_an_overhanging_fold_the_farthest_counts() -> None:
         View(camera=1.0),
         # cloth of the check's own brown, in the shadow of a lamp from one side
         View(side=600, cloth=(170, 140, 90), background=(240, 225, 190), check=40, shadow=0.3, light=0.2),
+        View(side=320, quality=82, cloth=(170, 140, 90), background=(240, 225, 190), check=40, shadow=0.3, light=0.2),
     ],
 )
 def test_a_photograph_gives_the_coefficient(tmp_path: Path, view: View) -> None:

@@ -29,6 +29,8 @@ LEAST_TONES = 1.0 / 300.0  # between the tones of a silhouette: masks of 0 and 1
 TONE, TWO_TONED = 0.06, 0.96  # a silhouette's pixels within TONE of its two tones; edges have levels between
 TOUCHING = 0.15  # of a side that a silhouette may touch: a tip does, and a disc of 300 pixels cut by 1
 NEARBY = 5.0  # [pixels], over which the colours on both sides of an edge are averaged
+GRAIN = 0.03  # of white; a background that varies less is plain: with 0.1 a check's shadow still passes for cloth
+LEAST_CONTRAST = 4e-3  # squared distance of the colours on both sides, of white
 
 
 def plain(photograph: Photograph) -> Photograph | None:
@@ -89,17 +91,27 @@ def find_cloth(photograph: Photograph, plate: Mask | None = None) -> Mask:
 
 
 def coverage(photograph: Photograph, cloth: Mask) -> Floats:
-    """The fraction of each pixel that cloth covers: at an edge, where its colour is between those on both sides."""
+    """The fraction of each pixel that cloth covers: at an edge, where its colour is between those on both sides.
+
+    It is measured along Fisher's linear discriminant of cloth and background (The use of multiple measurements in
+    taxonomic problems, 1936), so that a checked background's own light and dark do not count.
+    """
     pixels = photograph.pixels
     inside = ndimage.binary_erosion(cloth, iterations=BAND)
     outside = ~ndimage.binary_dilation(cloth, iterations=BAND)
-    cover = cloth.astype(np.float64)
-    near, far = _local_mean(pixels, inside), _local_mean(pixels, outside)
+    band = ~inside & ~outside
+    near, far = _local_mean(pixels, inside)[band], _local_mean(pixels, outside)[band]
     way = near - far
-    span = (way**2).sum(axis=2)
-    part = ((pixels - far) * way).sum(axis=2) / np.maximum(span, 1e-6)
-    band = ~inside & ~outside & (span > 4e-3)
-    cover[band] = np.clip(part, 0.0, 1.0)[band]
+    row, column = np.triu_indices(3)
+    spread = np.empty((len(way), 3, 3))
+    spread[:, row, column] = _local_mean(pixels[..., row] * pixels[..., column], outside)[band]
+    spread[:, row, column] -= far[:, row] * far[:, column]
+    spread[:, column, row] = spread[:, row, column]
+    weights = np.linalg.solve(spread + GRAIN**2 * np.eye(3), way[..., None])[..., 0]
+    apart = (way * weights).sum(axis=1)
+    part = ((pixels[band] - far) * weights).sum(axis=1) / np.maximum(apart, 1e-9)
+    cover = cloth.astype(np.float64)
+    cover[band] = np.where((way**2).sum(axis=1) > LEAST_CONTRAST, np.clip(part, 0.0, 1.0), cover[band])
     return cover
 
 
@@ -150,9 +162,10 @@ def _tints(seen: Floats, where: Floats) -> tuple[Floats, Floats]:
 
 
 def _local_mean(pixels: Floats, chosen: Mask) -> Floats:
-    """Mean colour of the chosen pixels round every pixel."""
+    """Mean of the chosen pixels round every pixel, for each channel."""
     weight = ndimage.gaussian_filter(chosen.astype(np.float64), NEARBY) + 1e-9
-    sums = [ndimage.gaussian_filter(np.where(chosen, pixels[..., c], 0.0), NEARBY) for c in range(3)]
+    channels = range(pixels.shape[-1])
+    sums = [ndimage.gaussian_filter(np.where(chosen, pixels[..., c], 0.0), NEARBY) for c in channels]
     return np.stack([each / weight for each in sums], axis=-1)
 
 
