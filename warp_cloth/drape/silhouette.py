@@ -30,7 +30,7 @@ TONE, TWO_TONED = 0.06, 0.96  # a silhouette's pixels within TONE of its two ton
 TOUCHING = 0.15  # of a side that a silhouette may touch: a tip does, and a disc of 300 pixels cut by 1
 NEARBY = 5.0  # [pixels], over which the colours on both sides of an edge are averaged
 GRAIN = 0.03  # of white; a background that varies less is plain: with 0.1 a check's shadow still passes for cloth
-LEAST_CONTRAST = 4e-3  # squared distance of the colours on both sides, of white
+SAME_COLOUR = 4e-3  # squared distance of the colours on both sides, of white; closer, no edge is measured
 
 
 def plain(photograph: Photograph) -> Photograph | None:
@@ -111,7 +111,7 @@ def coverage(photograph: Photograph, cloth: Mask) -> Floats:
     apart = (way * weights).sum(axis=1)
     part = ((pixels[band] - far) * weights).sum(axis=1) / np.maximum(apart, 1e-9)
     cover = cloth.astype(np.float64)
-    cover[band] = np.where((way**2).sum(axis=1) > LEAST_CONTRAST, np.clip(part, 0.0, 1.0), cover[band])
+    cover[band] = np.where((way**2).sum(axis=1) > SAME_COLOUR, np.clip(part, 0.0, 1.0), cover[band])
     return cover
 
 
