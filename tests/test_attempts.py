@@ -58,10 +58,18 @@ def test_several_garments_touch_from_the_start() -> None:
     assert {choice.key: choice.reason for choice in attempt.choices}["collision.cloth"] == "2 garments touch each other"
 
 
-def test_one_sheet_begins_without_contact_and_is_watched() -> None:
-    attempt = first("sphere", *DRAPED)
+@pytest.mark.parametrize("change", ["garment.shape.side=0.5", "garment.shape.plane=vertical"])
+def test_one_sheet_begins_without_contact_and_is_watched(change: str) -> None:
+    attempt = first("sphere", *DRAPED, change)
     assert decisions(attempt) == ("accelerated", False, None)
     assert attempt.ends_crossing
+
+
+@pytest.mark.parametrize("rest", ["mesh", "uv"])
+def test_a_sheet_that_hangs_over_the_sides_of_an_avatar_touches_from_the_start(rest: str) -> None:
+    attempt = first("sphere", *DRAPED, f"garment.rest={rest}")
+    assert decisions(attempt) == ("accelerated", True, None)
+    assert {choice.key: choice.reason for choice in attempt.choices}["collision.cloth"] == "its rim falls in folds"
 
 
 @pytest.mark.parametrize("cloth", [True, False])
@@ -115,7 +123,8 @@ def test_a_sheet_that_lies_as_its_panel_is_cut_touches_only_an_avatar() -> None:
 
 
 def test_what_crosses_is_relaxed_anew_with_contact() -> None:
-    assert decisions(after((first("sphere", *DRAPED), LIMIT, 3))) == ("accelerated", True, None)
+    small = first("sphere", *DRAPED, "garment.shape.side=0.5")
+    assert decisions(after((small, LIMIT, 3))) == ("accelerated", True, None)
 
 
 def test_crossings_are_left_where_contact_is_stated_off() -> None:

@@ -28,6 +28,7 @@ FALLING = 6000
 # of the time.
 FREE_FALLING = 4000
 UNSEWN = 0.05  # strain of an edge that is to be sewn, at least
+LEVEL = 0.1  # height of a sheet that lies level over its width, at most
 METHOD_KEY = "solver.method"
 
 
@@ -55,7 +56,7 @@ def trial_attempt(usual: Attempt, outfit: Outfit) -> Attempt | None:
     scene = usual.stated
     if usual.posed or not usual.touches or scene.collision.cloth != "auto":
         return None
-    if len(outfit.garments) > 1 or not may_have_levels(scene):
+    if len(outfit.garments) > 1 or not may_have_levels(scene) or _falls_in_folds(outfit):
         return None
     why = "nothing crosses as it is sewn", "its iterations are the cheapest"
     return replace(decided_attempt(scene, "accelerated", False, *why, None, last=False), trial=True)
@@ -97,6 +98,8 @@ def _first_contact(scene: Scene, outfit: Outfit) -> tuple[bool, str]:
         return False, f'solver.method = "{scene.solver.method}" begins without it'
     if len(outfit.garments) > 1:
         return True, f"{len(outfit.garments)} garments touch each other"
+    if _falls_in_folds(outfit):
+        return True, "its rim falls in folds"
     if outfit.garments[0].rest.source.kind == "uv" and not (scene.avatar is None and _lies_as_cut(outfit.garments[0])):
         return True, "panels touch as they are sewn"
     return False, "nothing crosses"
@@ -107,6 +110,18 @@ def _lies_as_cut(garment: Garment) -> bool:
     ends = garment.points[garment.rest.topology.edges]
     placed = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     return bool(np.allclose(placed, garment.rest.edge_length, rtol=UNSEWN, atol=0.0))
+
+
+def _falls_in_folds(outfit: Outfit) -> bool:
+    """Whether a sheet lies level over the avatar and beyond its sides: of eight such on a sphere seven cross."""
+    garment, avatar = outfit.garments[0], outfit.avatar
+    lower, upper = garment.points.min(axis=0), garment.points.max(axis=0)
+    width = (upper - lower)[[0, 2]].max()
+    if avatar is None or (upper - lower)[1] > LEVEL * width or not _lies_as_cut(garment):
+        return False
+    low, high = avatar.bounds()
+    meets = ((lower < high) & (low < upper))[[0, 2]].all() and lower[1] > low[1]
+    return bool(meets and ((lower < low) | (high < upper))[[0, 2]].any())
 
 
 def posed_attempt(stated: Scene, outfit: Outfit, why: str, *, last: bool) -> Attempt:
