@@ -43,6 +43,8 @@ def scenes(given: argparse.Namespace, folder: Path) -> Iterator[tuple[str, dict[
             yield job["name"], {"garment": garment, "avatar": {"mesh": job["avatar.mesh"]}}
         return
     for case in dict.fromkeys(case for _, case, _ in all_cases() if case.vertices <= SEEN):
+        if given.only and case.kind not in given.only:
+            continue
         own = folder / case.name.replace(" ", "_")
         own.mkdir()
         yield case.name, case_tree(case, own)
@@ -66,6 +68,7 @@ def main() -> None:
     parse.add_argument("--designs", type=Path, help="folder of index.csv")
     parse.add_argument("--data", type=Path, help="folder of garmentcode/ and bodies/")
     parse.add_argument("--every", type=int, default=4, help="with --designs")
+    parse.add_argument("--only", nargs="+", default=[], metavar="KIND", help="of the study's scenes: ball, disc, ...")
     parse.add_argument("--runs", type=int, default=2, help="of each fit; the last one counts")
     given = parse.parse_args()
     group, ratios = "designs" if given.designs else "study", list[float]()
