@@ -9,7 +9,7 @@ import pytest
 
 import warp_cloth
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.garment.falling import falling
+from warp_cloth.garment.falling import Catcher
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.scene import load_scene
@@ -31,10 +31,10 @@ def body() -> Mesh:
 def test_cloth_falls_where_nothing_is_below_it() -> None:
     cloth, ball = square(), body()
     reach = float(np.ptp(ball.points[:, 0])) / 2 + 0.15
-    for aside, down, falls in ((0.0, 0.0, False), (reach - 0.05, 0.0, False), (reach + 0.2, 0.0, True), (0, 5, True)):
-        assert falling([cloth], cloth.points + np.array([aside, -down, 0.0]), ball).tolist() == [falls] * 25
-    assert falling([cloth], cloth.points, None).all()
-    assert not falling([square(pin={"vertices": [0]})], cloth.points, None).any()
+    for aside, down, falls in ((0.0, 0.0, False), (reach - 0.05, 0.0, False), (reach + 0.3, 0.0, True), (0, 5, True)):
+        assert Catcher([cloth], ball).falling(cloth.points + np.array([aside, -down, 0.0])).tolist() == [falls] * 25
+    assert Catcher([cloth], None).falling(cloth.points).all()
+    assert not Catcher([square(pin={"vertices": [0]})], None).falling(cloth.points).any()
 
 
 def test_a_table_of_two_triangles_catches_cloth() -> None:
@@ -42,22 +42,22 @@ def test_a_table_of_two_triangles_catches_cloth() -> None:
     table = Mesh("table", corners, np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32))
     cloth = square()
     for aside, falls in ((0.0, False), (1.2, False), (3.0, True)):
-        assert falling([cloth], cloth.points + np.array([aside, 0.0, 0.0]), table).all() == falls
+        assert Catcher([cloth], table).falling(cloth.points + np.array([aside, 0.0, 0.0])).all() == falls
 
 
 def test_an_open_seam_may_pull_cloth_onto_the_body() -> None:
     """Two halves before and behind the ball, whose seam across it is still 1 m long."""
     cloth = square()
     points = cloth.points + np.where(cloth.points[:, [0]] > cloth.points[:, 0].mean(), 1.0, -1.0) * [1.0, 0.0, 0.0]
-    assert not falling([cloth], points, body()).any()
+    assert not Catcher([cloth], body()).falling(points).any()
 
 
 def test_cloth_over_other_cloth_is_caught_by_it() -> None:
     lower, upper = square(), square()
     points = np.concatenate([lower.points, upper.points + np.array([0.0, 0.3, 0.0])])
-    assert falling([lower, upper], points, None).tolist() == [True] * 25 + [False] * 25
+    assert Catcher([lower, upper], None).falling(points).tolist() == [True] * 25 + [False] * 25
     apart = np.concatenate([lower.points, upper.points + np.array([1e6, 0.3, 0.0])])
-    assert falling([lower, upper], apart, None).all()
+    assert Catcher([lower, upper], None).falling(apart).all()
 
 
 @pytest.mark.parametrize("iterations", [None, 1500])

@@ -24,7 +24,6 @@ from warp_cloth.fitting.compile_ahead import compile_ahead
 from warp_cloth.fitting.nested_iteration import start_from_coarse
 from warp_cloth.fitting.placement import LimbPlacement
 from warp_cloth.fitting.poses import PoseRun, follow_poses
-from warp_cloth.garment.falling import falling
 from warp_cloth.garment.garment import terms_of
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.loading.raw import counted
@@ -141,7 +140,7 @@ class Problem:
         found = []
         for item in items:
             outfit, own = self.outfits[item], points[self.model.of_item(item)]
-            if np.isfinite(own).all() and falling(outfit.garments, own, outfit.avatar).any():
+            if np.isfinite(own).all() and outfit.catcher.falling(own).any():
                 found.append(item)
         return found
 

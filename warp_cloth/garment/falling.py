@@ -16,60 +16,67 @@ REGION = 4.0  # [m] beyond the middle of the plan; what is farther counts as the
 SEWN = 1.5  # length of an edge over its rest length, from which a seam is open, and may pull the piece elsewhere
 
 
-def falling(garments: Sequence[Garment], points: Points, body: Mesh | None) -> NDArray[np.bool_]:
-    """Which vertices are of pieces that nothing can catch, y up, shape [V].
+class Catcher:
+    """What can catch the cloth of some garments: a body, and other pieces of cloth.
 
     A piece is what edges connect. Cells of a plan catch a piece, if anything of the body, or of other pieces, in them
     or next to them is below its highest point there; a large triangle of the body counts in all cells of its box. A
     pinned piece does not fall, nor is one told to whose seams are still open.
-
-    Args:
-        garments: in their order.
-        points: of their vertices now [m], all finite, shape [V, 3].
-        body: the avatar; None: there is none.
     """
-    piece, held, longest = _pieces(garments, points)
-    cell = CAUGHT + longest
-    plan = points[:, [0, 2]] if body is None else np.concatenate([points[:, [0, 2]], body.points[:, [0, 2]]])
-    middle = np.median(plan, axis=0)
-    plan = np.clip(plan, middle - REGION, middle + REGION)
-    columns = np.floor((plan - plan.min(axis=0)) / cell).astype(np.int64) + 1
-    shape = tuple(columns.max(axis=0) + 2)
-    where = np.ravel_multi_index((columns[:, 0], columns[:, 1]), shape)
-    cloth = where[: len(points)]
-    under = np.full(shape, np.inf)
-    if body is not None:
-        np.minimum.at(under.reshape(-1), where[len(points) :], body.points[:, 1])
-        corners, lowest = columns[len(points) :][body.triangles], body.points[body.triangles, 1].min(axis=1)
+
+    def __init__(self, garments: Sequence[Garment], body: Mesh | None) -> None:
+        """Prepares what does not change while cloth moves: pieces, and where the body is.
+
+        Args:
+            garments: in their order.
+            body: the avatar; None: there is none.
+        """
+        starts = np.cumsum([0, *(len(garment.points) for garment in garments)])
+        self._edges = np.concatenate([g.rest.topology.edges + k for g, k in zip(garments, starts, strict=False)])
+        self._lengths = np.concatenate([garment.rest.edge_length for garment in garments])
+        self._piece = connected_components(int(starts[-1]), *self._edges.T)
+        self._pinned = np.concatenate([garment.pins + k for garment, k in zip(garments, starts, strict=False)])
+        self._cell = CAUGHT + float(self._lengths.max(initial=0.0))
+        around = np.concatenate([g.points for g in garments]) if body is None else body.points
+        self._middle = np.median(around[:, [0, 2]], axis=0)
+        self._size = int(2.0 * REGION / self._cell) + 4
+        self._body = np.full((self._size, self._size), np.inf)  # the lowest of it in every cell [m]
+        if body is not None:
+            self._add_body(body)
+        self._near_body = _around(self._body).reshape(-1)
+
+    def falling(self, points: Points) -> NDArray[np.bool_]:
+        """Which vertices are of pieces that nothing can catch, where they are now [m], y up and finite; shape [V]."""
+        where = np.ravel_multi_index((*self._columns(points).T,), self._body.shape)
+        held = np.zeros(len(points), dtype=np.bool_)
+        held[self._piece[self._pinned]] = True
+        a, b = self._edges.T
+        is_open = np.linalg.norm(points[a] - points[b], axis=1) > SEWN * self._lengths
+        held[self._piece[a[is_open]]] = True
+        falls = np.zeros(len(points), dtype=np.bool_)
+        for number in np.flatnonzero(np.bincount(self._piece, minlength=len(held)).astype(np.bool_) & ~held):
+            mine = self._piece == number
+            near = self._near_body
+            if not mine.all():
+                below = self._body.copy()
+                np.minimum.at(below.reshape(-1), where[~mine], points[~mine, 1])
+                near = _around(below).reshape(-1)
+            falls |= mine & ~(near[where[mine]] < points[mine, 1] + CAUGHT).any()
+        return falls
+
+    def _columns(self, points: Points) -> NDArray[np.int64]:
+        """The cell of the plan that each point is in, shape [N, 2]."""
+        plan = np.clip(points[:, [0, 2]] - self._middle, -REGION, REGION)
+        return np.floor((plan + REGION) / self._cell).astype(np.int64) + 1
+
+    def _add_body(self, body: Mesh) -> None:
+        columns = self._columns(body.points)
+        np.minimum.at(self._body, (*columns.T,), body.points[:, 1])
+        corners, lowest = columns[body.triangles], body.points[body.triangles, 1].min(axis=1)
         first, last = corners.min(axis=1), corners.max(axis=1) + 1
         for k in np.flatnonzero((last - first > 2).any(axis=1)).tolist():  # no corner of it may be in a cell between
-            own = under[first[k, 0] : last[k, 0], first[k, 1] : last[k, 1]]
+            own = self._body[first[k, 0] : last[k, 0], first[k, 1] : last[k, 1]]
             np.minimum(own, lowest[k], out=own)
-    falls = np.zeros(len(points), dtype=np.bool_)
-    for number in np.unique(piece[~held]):
-        mine = piece == number
-        below = under.copy()
-        np.minimum.at(below.reshape(-1), cloth[~mine], points[~mine, 1])
-        falls |= mine & ~(_around(below).reshape(-1)[cloth[mine]] < points[mine, 1] + CAUGHT).any()
-    return falls
-
-
-def _pieces(garments: Sequence[Garment], points: Points) -> tuple[NDArray[np.int64], NDArray[np.bool_], float]:
-    """The piece of each vertex, whether it is pinned or its seams are open, shape [V]; the longest edge at rest [m]."""
-    pieces, held, longest, first = [], [], 0.0, 0
-    for garment in garments:
-        count, (a, b) = len(garment.points), garment.rest.topology.edges.T
-        own = points[first : first + count]
-        number = connected_components(count, a, b)
-        is_open = np.linalg.norm(own[a] - own[b], axis=1) > SEWN * garment.rest.edge_length
-        holds = np.zeros(count, dtype=np.bool_)
-        holds[number[a[is_open]]] = True
-        holds[number[garment.pins]] = True
-        pieces.append(number + first)
-        held.append(holds[number])
-        longest = max(longest, float(garment.rest.edge_length.max(initial=0.0)))
-        first += count
-    return np.concatenate(pieces), np.concatenate(held), longest
 
 
 def _around(lowest: Points) -> Points:

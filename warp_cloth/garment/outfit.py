@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, NamedTuple, TypeVar
 
 from warp_cloth.anatomy.linking import Wearing
@@ -15,6 +15,7 @@ from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.stored_value import stored_value
+from warp_cloth.garment.falling import Catcher
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.making import (
     MESH_KEYS,
@@ -52,6 +53,11 @@ class Outfit:
     wearing: tuple[Wearing | None, ...] = ()  # of each garment; None: a sheet, or on what has no limbs, or moves
     readings: tuple[Choice, ...] = ()  # what was read otherwise than it is by default, as garments started badly
     padded: Mesh | None = None  # the avatar as garments meet it, where it would show through their faces otherwise
+
+    @cached_property
+    def catcher(self) -> Catcher:
+        """What can catch the garments: the avatar, and each other."""
+        return Catcher(self.garments, self.avatar)
 
     @property
     def starting_avatar(self) -> Mesh | None:

@@ -12,7 +12,7 @@ from warp_cloth.anatomy.skeleton import HEAD, LIMBS, skeleton_or_reason
 from warp_cloth.anatomy.trunk_loop import SHORT, trunk_loop
 from warp_cloth.avatar.openings import Opening
 from warp_cloth.base.connected import connected_components
-from warp_cloth.garment.falling import falling
+from warp_cloth.garment.falling import Catcher
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import TORN
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
@@ -98,7 +98,7 @@ def _falls(judged: Judged) -> NDArray[np.bool_]:
     of = judged.of
     if of.outcome.status is Status.AT_REST or not np.isfinite(of.outcome.points).all():
         return np.zeros(len(judged.points), dtype=np.bool_)
-    return falling(of.outfit.garments, of.outcome.points, of.body)[judged.vertices]
+    return Catcher(of.outfit.garments, of.body).falling(of.outcome.points)[judged.vertices]
 
 
 def slid_off(judged: Judged) -> FitProblem | None:
