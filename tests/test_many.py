@@ -33,7 +33,7 @@ from warp_cloth.solver.goal import Goal
 from warp_cloth.solver.loop import relax_items
 from warp_cloth.study.launches import arrays_in, bytes_of
 
-ON_SPHERE = ["solver.iterations=330", "collision.pixel_mm=10"]
+ON_SPHERE = ["collision.cloth=false", "solver.iterations=330", "collision.pixel_mm=10"]
 HANGING = ["garment.shape.vertices_per_side=6", "solver.iterations=250"]
 SQUARE = {"shape": {"kind": "square", "vertices_per_side": 6}, "pin": {"vertices": [0]}}
 SHORT = {"iterations": 50}
@@ -84,7 +84,8 @@ def assert_same(fit: Fit | Exception, alone: Fit) -> None:
 
 def test_copies_of_the_process_measure_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     fabrics = ("cotton", "denim", "silk", "jersey")
-    short = ("garment.shape.vertices_per_side=9", "solver.iterations=20", "collision.pixel_mm=20")
+    size, drawn = "garment.shape.vertices_per_side=9", "collision.pixel_mm=20"
+    short = (size, drawn, "solver.iterations=20", "collision.cloth=false")
     scenes = [
         load_scene("sphere", [*short, f"garment.fabric={fabric}", f"avatar.friction={friction}"])
         for fabric in fabrics
@@ -125,10 +126,9 @@ def test_those_left_have_the_same_bits_where_the_others_are_passed_over(monkeypa
 
     monkeypatch.setattr(ActiveSet, "choose", told)
     ends = [(9, 900), (17, 200), (24, 300), (13, 1300), (20, 400)]
+    common = ["collision.cloth=false", "collision.pixel_mm=10"]
     scenes = [
-        load_scene(
-            "sphere", ["collision.pixel_mm=10", f"garment.shape.vertices_per_side={n}", f"solver.iterations={k}"]
-        )
+        load_scene("sphere", [*common, f"garment.shape.vertices_per_side={n}", f"solver.iterations={k}"])
         for n, k in ends
     ]
     alone = [warp_cloth.fit(scene, device="cpu") for scene in scenes]
@@ -268,7 +268,7 @@ def test_the_planned_memory_bounds_what_is_held(gathers: bool, fabric: str, monk
     monkeypatch.setattr(problem, "build_model", partial(build_model, gathers=gathers))
     monkeypatch.setenv(ONE_THREAD, "1")  # as processes of a batch are
     changes = ["garment.shape.vertices_per_side=60", f"garment.fabric={fabric}", "solver.iterations=4000"]
-    scene = load_scene("sphere", [*changes, "collision.pixel_mm=10"])
+    scene = load_scene("sphere", [*changes, "collision.pixel_mm=10", "collision.cloth=false"])
     outfit = load_outfit(scene)
     made = problem.build_problem([scene], [outfit], "cpu")
     relax_items(made.certifier, [Goal(tolerance_of(scene), 1500)])
