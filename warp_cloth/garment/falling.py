@@ -39,8 +39,8 @@ class Catcher:
         self._cell = CAUGHT + float(self._lengths.max(initial=0.0))
         around = np.concatenate([g.points for g in garments]) if body is None else body.points
         self._middle = np.median(around[:, [0, 2]], axis=0)
-        self._size = int(2.0 * REGION / self._cell) + 4
-        self._body = np.full((self._size, self._size), np.inf)  # the lowest of it in every cell [m]
+        size = int(2.0 * REGION / self._cell) + 4
+        self._body = np.full((size, size), np.inf)  # the lowest of it in every cell [m]
         if body is not None:
             self._add_body(body)
         self._near_body = _around(self._body).reshape(-1)

@@ -113,7 +113,7 @@ def _lies_as_cut(garment: Garment) -> bool:
 
 
 def _falls_in_folds(outfit: Outfit) -> bool:
-    """Whether a sheet lies level over the avatar and beyond its sides: of eight such on a sphere seven cross."""
+    """Whether a sheet lies level over the avatar and beyond its sides: of twelve such on a ball eleven cross."""
     garment, avatar = outfit.garments[0], outfit.avatar
     lower, upper = garment.points.min(axis=0), garment.points.max(axis=0)
     width = (upper - lower)[[0, 2]].max()
