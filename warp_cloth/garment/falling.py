@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.base.threads import concatenate
 from warp_cloth.garment.garment import Garment
 
 CAUGHT = 0.02  # [m]; what comes so near to a body beside it may be caught
@@ -31,15 +32,19 @@ class Catcher:
             garments: in their order.
             body: the avatar; None: there is none.
         """
-        starts = np.cumsum([0, *(len(garment.points) for garment in garments)])
-        self._edges = np.concatenate([g.rest.topology.edges + k for g, k in zip(garments, starts, strict=False)])
+        starts = np.cumsum([0, *(len(garment.points) for garment in garments)]).tolist()
+        self._edges = concatenate([garment.rest.topology.edges for garment in garments], starts)
         self._lengths = np.concatenate([garment.rest.edge_length for garment in garments])
-        self._piece = connected_components(int(starts[-1]), *self._edges.T)
-        self._pinned = np.concatenate([garment.pins + k for garment, k in zip(garments, starts, strict=False)])
+        self._piece = connected_components(starts[-1], *self._edges.T)
+        self._pieces = np.unique(self._piece)
+        self._pinned = concatenate([garment.pins for garment in garments], starts)
         self._cell = CAUGHT + float(self._lengths.max(initial=0.0))
-        around = np.concatenate([g.points for g in garments]) if body is None else body.points
-        self._middle = np.median(around[:, [0, 2]], axis=0)
-        size = int(2.0 * REGION / self._cell) + 4
+        around = np.concatenate([garment.points for garment in garments]) if body is None else body.points
+        plan = around[:, [0, 2]]
+        self._middle = np.median(plan, axis=0)
+        corner = np.maximum(plan.min(axis=0), self._middle - REGION)  # of what is there; cells begin at it
+        self._origin = corner - self._cell * np.ceil((corner - self._middle + REGION) / self._cell)
+        size = int(2.0 * REGION / self._cell) + 5
         self._body = np.full((size, size), np.inf)  # the lowest of it in every cell [m]
         if body is not None:
             self._add_body(body)
@@ -54,7 +59,7 @@ class Catcher:
         is_open = np.linalg.norm(points[a] - points[b], axis=1) > SEWN * self._lengths
         held[self._piece[a[is_open]]] = True
         falls = np.zeros(len(points), dtype=np.bool_)
-        for number in np.flatnonzero(np.bincount(self._piece, minlength=len(held)).astype(np.bool_) & ~held):
+        for number in self._pieces[~held[self._pieces]]:
             mine = self._piece == number
             near = self._near_body
             if not mine.all():
@@ -66,8 +71,8 @@ class Catcher:
 
     def _columns(self, points: Points) -> NDArray[np.int64]:
         """The cell of the plan that each point is in, shape [N, 2]."""
-        plan = np.clip(points[:, [0, 2]] - self._middle, -REGION, REGION)
-        return np.floor((plan + REGION) / self._cell).astype(np.int64) + 1
+        plan = np.clip(points[:, [0, 2]], self._middle - REGION, self._middle + REGION)
+        return np.floor((plan - self._origin) / self._cell).astype(np.int64) + 1
 
     def _add_body(self, body: Mesh) -> None:
         columns = self._columns(body.points)
