@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
+import subprocess
 import sys
 
 import numpy as np
 import pytest
 from cloths import grid
 
-from warp_cloth.base import chunks
+from warp_cloth.base import chunks, row_sums
 from warp_cloth.base.row_sums import RowSums
 from warp_cloth.base.topology import build_topology, ragged_rows
 
@@ -28,9 +28,9 @@ def neighbours(mixed: bool) -> tuple[np.ndarray, np.ndarray, int]:
 
 @pytest.fixture(params=["bincount", "SciPy's"])
 def sparse(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without SciPy's sparse matrices, and with them."""
-    module = importlib.import_module("scipy.sparse") if request.param == "SciPy's" else None
-    monkeypatch.setitem(sys.modules, "scipy.sparse", module)  # type: ignore[arg-type]
+    """Without SciPy's product, and with it."""
+    if request.param == "bincount":
+        monkeypatch.setattr(row_sums, "sparse_tools", lambda: None)
 
 
 @pytest.mark.usefixtures("sparse")
@@ -78,3 +78,33 @@ def test_there_may_be_no_entries_at_all() -> None:
     none = np.zeros(0, dtype=np.int64)
     assert (RowSums(none, none, 5)(np.zeros(3)) == np.zeros(5)).all()
     assert len(RowSums(none, none, 0)(np.zeros(0))) == 0
+
+
+def test_scipy_has_the_product_where_it_is_looked_for() -> None:
+    """It is no public module: a SciPy that moves it costs time, not bits."""
+    assert row_sums.sparse_tools() is not None
+
+
+def test_the_product_is_loaded_without_the_package_around_it() -> None:
+    code = (
+        "import sys; from warp_cloth.base.row_sums import sparse_tools as s; print(s(), 'scipy.sparse' in sys.modules)"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert said.split()[-1] == "False"
+
+
+def test_a_product_that_rounds_once_is_found_out() -> None:
+    class Fused:
+        """As a build with fused multiply-add has it, of two entries: the second product is added unrounded."""
+
+        @staticmethod
+        def csr_matvec(rows: int, columns: int, starts: object, places: object, *held: np.ndarray) -> None:
+            factors, values, sums = held
+            high = factors[1] * values[1]
+            sums += factors[0] * values[0] + high + 2.0**-60
+
+        @staticmethod
+        def csr_matvecs(rows: int, columns: int, count: int, *others: object) -> None:
+            pass
+
+    assert row_sums.is_fused(Fused())

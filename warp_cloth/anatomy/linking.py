@@ -135,6 +135,11 @@ class Wearing:
         """The same garment if it started at ``points`` [m]."""
         return Wearing.of(self.openings, points, self.triangles, self.skeleton)
 
+    def measure_start(self) -> None:
+        """Computes now what does not depend on the shape that is asked about, else computed when first asked for."""
+        _ = self.onto, self.too_high, self.above_waist, self.above_neck, self.top, self.between_legs
+        _ = self.shoulders, self._curves_within
+
     @cached_property
     def start_fault(self) -> str:
         """Why the garment cannot be sewn where it starts, with a limb through the wrong opening; empty: it can."""

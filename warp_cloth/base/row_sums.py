@@ -1,18 +1,18 @@
 """Sparse row sums (a CSR matrix times vectors) in the order of ``numpy.bincount``, so with the same bits.
 
-SciPy's CSR product gives these bits in a third of the time (all sums that fit the hinges of a T-shirt with 6,200
-vertices: 16 and 45 ms), but importing ``scipy.sparse`` takes 0.14 to 0.3 s. So it is used for MANY entries, and where
-something else has imported it already, as meshing a pattern has. Where its build rounds products and sums together
-(fused multiply-add), it is not used for entries with factors.
+By SciPy's compiled product, which takes a third of the time (all sums that fit the hinges of a T-shirt with 6,200
+vertices: 16 and 45 ms). It is loaded without ``scipy.sparse``, whose import takes 0.1 to 0.3 s: 8 ms. Where a SciPy has
+it elsewhere, NumPy sums; so it does entries with factors where SciPy's build rounds each product with its sum only
+(fused multiply-add).
 """
 
 from __future__ import annotations
 
 import functools
-import importlib
-import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from importlib.machinery import PathFinder
+from importlib.util import find_spec, module_from_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,28 +26,6 @@ Columns = NDArray[np.integer]
 
 # Starts of rows, shape [rows + 1], and the entries row by row, shape [N]; None: they are row by row already
 Grouped = tuple[NDArray[np.integer], NDArray[np.integer] | None]
-
-MANY = 600_000  # entries (of a T-shirt with 50,000 vertices), whose sums take longer than the import
-
-
-@dataclass(frozen=True, eq=False)
-class _Counted:
-    """Rows that ``numpy.bincount`` sums: row, column and factor of each entry, row by row."""
-
-    rows: Columns
-    columns: Columns
-    factors: Floats | None
-    count: int
-
-    def __matmul__(self, values: Floats) -> Floats:
-        sums = np.empty((self.count, *values.shape[1:]))
-        vectors, into = (each.reshape(len(each), int(np.prod(values.shape[1:]))).T for each in (values, sums))
-        for vector, summed in zip(vectors, into, strict=True):
-            entries = vector.take(self.columns)
-            if self.factors is not None:
-                entries *= self.factors
-            summed[:] = np.bincount(self.rows, entries, self.count)
-        return sums
 
 
 class RowSums:
@@ -72,20 +50,11 @@ class RowSums:
         starts, order = rows if isinstance(rows, tuple) else ragged_rows(rows, count)
         if order is not None:
             columns, factors = columns[order], None if factors is None else factors[order]
-        self._width = int(columns.max(initial=-1)) + 1
-        matrix = _csr_array(len(columns), has_factors=factors is not None)
-
-        def part(chunk: slice) -> tuple[int, Any]:
-            first, end = starts[chunk.start], starts[chunk.stop]
-            start, own = starts[chunk.start : chunk.stop + 1] - first, columns[first:end]
-            size = chunk.stop - chunk.start
-            weights = None if factors is None else factors[first:end]
-            if matrix is None:
-                return chunk.start, _Counted(np.repeat(np.arange(size), np.diff(start)), own, weights, size)
-            entries = np.ones(len(own)) if weights is None else weights, own.astype(np.int32), start.astype(np.int32)
-            return chunk.start, matrix(entries, shape=(size, self._width))
-
-        self._parts = dict(map_chunks(part, count))  # by the first row of each
+        tools = sparse_tools()
+        if tools is None or (factors is not None and is_fused(tools)):
+            self._sums: Callable[[slice, Floats], Floats] = _Counted(starts, columns, factors)
+        else:
+            self._sums = _Compiled(tools, starts, columns, factors)
 
     def __call__(self, values: Floats) -> Floats:
         """Row sums of ``values``, shape [columns] or, of K vectors, [columns, K]; shape [rows] or [rows, K]."""
@@ -99,20 +68,68 @@ class RowSums:
 
     def for_each_chunk(self, values: Floats, use: Callable[[slice, Floats], None]) -> None:
         """Calls ``use(chunk, sums)`` for chunk after chunk of the rows."""
-        map_chunks(lambda chunk: use(chunk, self._parts[chunk.start] @ values[: self._width]), self.count)
+        map_chunks(lambda chunk: use(chunk, self._sums(chunk, values)), self.count)
 
 
-def _csr_array(entries: int, *, has_factors: bool) -> Any:
-    """SciPy's class of matrices; None where it is not worth its import, or would give other bits."""
-    if entries >= MANY:
-        importlib.import_module("scipy.sparse")
-    found = getattr(sys.modules.get("scipy.sparse"), "csr_array", None)
-    return None if not entries or (has_factors and found is not None and _is_fused(found)) else found
+class _Counted:
+    """Sums of a chunk of rows by ``numpy.bincount``."""
+
+    def __init__(self, starts: Columns, columns: Columns, factors: Floats | None) -> None:
+        self._starts, self._columns, self._factors = starts, columns, factors
+
+    def __call__(self, chunk: slice, values: Floats) -> Floats:
+        starts = self._starts[chunk.start : chunk.stop + 1]
+        entries, count = slice(starts[0], starts[-1]), chunk.stop - chunk.start
+        rows, columns = np.repeat(np.arange(count), np.diff(starts)), self._columns[entries]
+        sums = np.empty((count, *values.shape[1:]))
+        vectors, into = (each.reshape(len(each), int(np.prod(values.shape[1:]))).T for each in (values, sums))
+        for vector, summed in zip(vectors, into, strict=True):
+            added = vector.take(columns)
+            if self._factors is not None:
+                added *= self._factors[entries]
+            summed[:] = np.bincount(rows, added, count)
+        return sums
+
+
+class _Compiled:
+    """Sums of a chunk of rows by SciPy's product of a CSR matrix."""
+
+    def __init__(self, tools: Any, starts: Columns, columns: Columns, factors: Floats | None) -> None:
+        self._tools, self._starts = tools, starts.astype(np.int32)
+        self._columns, self._width = columns.astype(np.int32), int(columns.max(initial=-1)) + 1
+        self._factors = np.ones(len(columns)) if factors is None else np.ascontiguousarray(factors)
+
+    def __call__(self, chunk: slice, values: Floats) -> Floats:
+        # starts count from the first entry of all, so that all chunks have the same columns and factors
+        size, starts, count = chunk.stop - chunk.start, self._starts[chunk.start : chunk.stop + 1], values[:1].size
+        held, sums = np.ascontiguousarray(values), np.zeros((size, *values.shape[1:]))
+        matrix = starts, self._columns, self._factors
+        if values.ndim == 1:
+            self._tools.csr_matvec(size, self._width, *matrix, held, sums)
+        else:
+            self._tools.csr_matvecs(size, self._width, count, *matrix, held.ravel(), sums.ravel())
+        return sums
 
 
 @functools.cache
-def _is_fused(csr_array: type[Any]) -> bool:
-    """Whether a product of SciPy's rounds each product with its sum only, unlike NumPy, so that bits differ."""
+def sparse_tools() -> Any:
+    """SciPy's compiled products of sparse matrices; None where they are not found."""
+    package = find_spec("scipy")
+    inside = () if package is None else package.submodule_search_locations or ()
+    found = PathFinder.find_spec("_sparsetools", [str(Path(place) / "sparse") for place in inside])
+    if found is None or found.loader is None:
+        return None
+    tools = module_from_spec(found)
+    found.loader.exec_module(tools)
+    return tools if hasattr(tools, "csr_matvec") and hasattr(tools, "csr_matvecs") else None
+
+
+@functools.cache
+def is_fused(tools: Any) -> bool:
+    """Whether a product rounds each product with its sum only, unlike NumPy, so that bits differ."""
     number = 1.0 + 2.0**-30
-    matrix, one = csr_array(([-1.0, number], [0, 1], [0, 2]), shape=(1, 2)), np.array([number * number, number])
-    return bool((matrix @ one).any() or (matrix @ np.repeat(one[:, None], 8, axis=1)).any())
+    starts, columns, factors = np.array([0, 2], np.int32), np.array([0, 1], np.int32), np.array([-1.0, number])
+    one, sums = np.array([number * number, number]), np.zeros((9,))
+    tools.csr_matvec(1, 2, starts, columns, factors, one, sums[:1])
+    tools.csr_matvecs(1, 2, 8, starts, columns, factors, np.repeat(one, 8), sums[1:])
+    return bool(sums.any())

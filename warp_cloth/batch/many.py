@@ -5,6 +5,7 @@ from __future__ import annotations
 import collections
 import gc
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from warp_cloth.fitting.attempts import finished_runs, relax_alone, relax_proble
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.fitting.measured_maps import with_maps
+from warp_cloth.fitting.placement import measure_starts
 from warp_cloth.fitting.predrape import build_predrape, prepare_start, start_predraped
 from warp_cloth.fitting.problem import build_problem, problem_kind
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
@@ -166,7 +168,8 @@ def _fit_together(
         if not lease.taken():
             break
         problem.contact_report(item)  # measures what the report says of its contact, while there is time
-    with lease:
+    with lease, ThreadPoolExecutor(1) as meanwhile:
+        meanwhile.submit(measure_starts, (*problem.loaded, *problem.outfits))  # what fails is raised when it is needed
         outcomes = relax_problem(problem, lease.release_early)
     clock.lap("relax")
     firsts = finished_runs(problem, outcomes, levels, copies=copies)
