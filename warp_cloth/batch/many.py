@@ -5,7 +5,6 @@ from __future__ import annotations
 import collections
 import gc
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -168,10 +167,10 @@ def _fit_together(
         if not lease.taken():
             break
         problem.contact_report(item)  # measures what the report says of its contact, while there is time
-    with lease, ThreadPoolExecutor(1) as meanwhile:
-        meanwhile.submit(measure_starts, (*problem.loaded, *problem.outfits))  # what fails is raised when it is needed
+    with lease:
         outcomes = relax_problem(problem, lease.release_early)
     clock.lap("relax")
+    measure_starts((*problem.loaded, *problem.outfits))
     firsts = finished_runs(problem, outcomes, levels, copies=copies)
     clock.lap("measure")
     begin = partial(prepare_start, cache=cache, clock=clock)

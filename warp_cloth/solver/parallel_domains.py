@@ -11,6 +11,7 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.base.collector import no_collection
 from warp_cloth.base.threads import core_count
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
@@ -84,7 +85,7 @@ class ParallelDomains:
         """
         graphs = []
         for number in range(self.count):
-            with wp.ScopedCapture(device=self._model.device) as capture:
+            with no_collection(), wp.ScopedCapture(device=self._model.device) as capture:
                 self._iterate(number, arguments, updates)
             graphs.append(capture.graph)
         return graphs

@@ -11,6 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.avatar.collider import Collider
+from warp_cloth.base.collector import no_collection
 from warp_cloth.kernels.base.options import KernelOptions
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.passes.advance import advance_kernel, fuses_contact
@@ -379,7 +380,7 @@ class Relaxation:
         done, whole = self._done, self._whole(shown)
         which = iterations, done % self._renewal, whole
         if which not in self._graphs:
-            with wp.ScopedCapture(device=self.model.device) as capture:
+            with no_collection(), wp.ScopedCapture(device=self.model.device) as capture:
                 if whole:
                     self.iterate(iterations)
                 else:

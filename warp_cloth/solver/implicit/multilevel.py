@@ -12,6 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.avatar.collider import Collider
+from warp_cloth.base.collector import no_collection
 from warp_cloth.garment.garment import Garment
 from warp_cloth.kernels.certificate.energy import measure_tension_kernel
 from warp_cloth.model.model import ClothModel
@@ -134,7 +135,7 @@ class MultilevelRelaxation(Relaxation):
         """The graph of so many implicit steps at this pace, the first of which renews the coarse levels."""
         key = self.pace, count
         if self._implicit is not None and key not in self._step_graphs:
-            with wp.ScopedCapture(device=self.model.device) as capture:
+            with no_collection(), wp.ScopedCapture(device=self.model.device) as capture:
                 self._iterate(count * self._implicit.iterations)
             self._step_graphs[key] = capture.graph
         return self._step_graphs[key]
