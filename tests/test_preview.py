@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from PIL import ImageFont
 from worn import box_avatar, worn
 
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.export import lettering
 from warp_cloth.export.picture_head import Head, wrapped
 from warp_cloth.export.preview import BACKGROUND, PLACED_WIDTH, preview_image
 from warp_cloth.export.surface import cloth_colour, linear, srgb, winds_outward
@@ -78,10 +80,25 @@ def test_a_long_sentence_is_wrapped_and_ends_with_an_ellipsis_if_it_is_cut() -> 
     assert wrapped("", font, 300.0, 3) == []
 
 
-def test_a_title_is_spelt_in_letters_that_the_font_has() -> None:
-    marked = pictured(worn(), head=Head("Müller, très chic, 衣", WORN, [], ""))
-    plain = pictured(worn(), head=Head("Muller, tres chic, ?", WORN, [], ""))
+def test_a_title_is_spelt_in_letters_that_the_font_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lettering, "OTHERS", ())
+    marked = pictured(worn(), head=Head("Müllers Maß, très chic, 衣", WORN, [], ""))
+    plain = pictured(worn(), head=Head("Mullers Mass, tres chic, ?", WORN, [], ""))
     assert np.array_equal(np.asarray(marked), np.asarray(plain))
+
+
+def test_a_font_of_the_system_that_has_all_letters_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Wide:
+        """A font that has every letter but one."""
+
+        def getmask(self, letter: str) -> bytes:
+            return b"box" if letter == lettering.NO_LETTER else letter.encode()
+
+    wide: Any = Wide()
+    monkeypatch.setattr(lettering, "_of_system", lambda name, height: wide if name == lettering.OTHERS[1] else None)
+    assert lettering.font_for(12, "Maß 衣") is wide
+    assert lettering.font_for(12, "plain") is not wide
+    assert lettering.spelt("Maß 衣", wide) == "Maß 衣"
 
 
 def test_picture_is_the_same_bits_every_time() -> None:

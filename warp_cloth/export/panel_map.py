@@ -128,13 +128,15 @@ class PanelMaps:
         return lines
 
     def _save_png(self, path: Path, kind: MapKind, bounds: tuple[float, float]) -> None:
-        from PIL import Image, ImageDraw, ImageFont
+        from PIL import Image, ImageDraw
+
+        from warp_cloth.export.lettering import font_for, spelt
 
         scale = min(1.0, MOST_PIXELS / max(self.size))
         width, height = (max(1, round(scale * each)) for each in self.size)
         picture = Image.new("RGB", (width, height), "white")
         pen = ImageDraw.Draw(picture)
-        font = ImageFont.load_default(max(8.0, 1.3 * scale * TEXT))
+        font = font_for(max(8.0, 1.3 * scale * TEXT), *(panel.name for panel in self.panels))
         for panel in self.panels:
             values = self._values(panel, kind)
             corners = scale * panel.corners
@@ -147,7 +149,8 @@ class PanelMaps:
                 pen.polygon(three, fill=tuple(colour))
             for side in (scale * panel.rim).reshape(-1, 4).tolist():
                 pen.line(side, fill=RIM, width=max(1, round(1.5 * scale)))
-            pen.text((scale * panel.label[0], scale * panel.label[1]), panel.name, fill=RIM, font=font, anchor="ms")
+            name = spelt(panel.name, font)
+            pen.text((scale * panel.label[0], scale * panel.label[1]), name, fill=RIM, font=font, anchor="ms")
         draw_legend(picture, kind, bounds, round(scale * (LEGEND - 0.5 * GAP)))
         picture.save(path, format="PNG")
 

@@ -87,7 +87,9 @@ def pattern_svg(pattern: Pattern) -> str:
 
 
 def _save_png(pattern: Pattern, path: Path) -> None:
-    from PIL import Image, ImageDraw, ImageFont
+    from PIL import Image, ImageDraw
+
+    from warp_cloth.export.lettering import font_for, spelt
 
     sheet = laid_out([_box(panel) for panel in pattern.panels])
     scale = min(1.0, MOST_PIXELS / max(sheet.size))
@@ -109,8 +111,8 @@ def _save_png(pattern: Pattern, path: Path) -> None:
         for ends in _notches(sheet, index, panel):
             pen.line([(scale * x, scale * y) for x, y in ends], fill=PLAIN, width=3)
         for text, (x, y), size, colour in _labels(sheet, index, panel, sewn):
-            font = ImageFont.load_default(max(6.0, 1.3 * scale * size))
-            pen.text((scale * x, scale * y), text, fill=colour, font=font, anchor="ms")
+            font = font_for(max(6.0, 1.3 * scale * size), text)
+            pen.text((scale * x, scale * y), spelt(text, font), fill=colour, font=font, anchor="ms")
     picture.save(path, format="PNG")
 
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
+from warp_cloth.export.lettering import Font, font_for, spelt
 from warp_cloth.loading.raw import counted
 from warp_cloth.report.shown import ShownVerdict
-
-Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 
 INK = (70, 72, 76)  # sRGB bytes, of the title
 FAINT_INK = (120, 122, 126)  # of less important text
@@ -38,9 +36,13 @@ class Head:
         lines = [f"ease: {line}" for line in self.ease[:MOST_EASES]]
         return [*lines, f"and of {counted(more, 'more garment')}, in the report"] if more > 0 else lines
 
+    def font(self, height: int) -> Font:
+        """Of everything below the first line."""
+        return font_for(height, *self.ease_shown, self.message)
+
     def lines(self, height: int, width: float) -> list[str]:
         """Everything below the first line, in lines no wider than ``width`` [px], of text ``height`` [px] high."""
-        font = ImageFont.load_default(height)
+        font = self.font(height)
         ease = [shorten(line, font, width) for line in self.ease_shown]
         return [*ease, *wrapped(self.message, font, width, MOST_LINES)]
 
@@ -48,7 +50,7 @@ class Head:
 def draw_head(image: Image.Image, head: Head, height: int, margin: int) -> None:
     """Draws the words at the top of a picture; ``height`` of the text, ``margin`` left and right [px]."""
     draw, width = ImageDraw.Draw(image), image.width - 2 * margin
-    big, font = ImageFont.load_default(round(1.3 * height)), ImageFont.load_default(height)
+    big, font = font_for(round(1.3 * height), head.name), head.font(height)
     chip = font.getlength(head.verdict.words) + 1.2 * height
     name = shorten(head.name, big, width - chip - height)
     draw.text((margin, 2 * height), name, fill=INK, font=big, anchor="ls")
@@ -63,7 +65,7 @@ def draw_head(image: Image.Image, head: Head, height: int, margin: int) -> None:
 
 def shorten(text: str, font: Font, width: float) -> str:
     """The text in one line no wider than ``width`` [px], with an ellipsis where it was cut."""
-    line = " ".join(spelt(text).split())
+    line = " ".join(spelt(text, font).split())
     if font.getlength(line) <= width:
         return line
     while line and font.getlength(line + "…") > width:
@@ -73,7 +75,7 @@ def shorten(text: str, font: Font, width: float) -> str:
 
 def wrapped(text: str, font: Font, width: float, most: int) -> list[str]:
     """The text in at most so many lines, no wider than ``width`` [px]; an ellipsis ends it where it was cut."""
-    words = spelt(text).split()
+    words = spelt(text, font).split()
     lines: list[str] = []
     while words and len(lines) < most - 1:
         count = 1
@@ -82,9 +84,3 @@ def wrapped(text: str, font: Font, width: float, most: int) -> list[str]:
         lines.append(shorten(" ".join(words[:count]), font, width))
         words = words[count:]
     return [*lines, shorten(" ".join(words), font, width)] if words else lines
-
-
-def spelt(text: str) -> str:
-    """The text in the letters of Pillow's own font, which has no accents."""
-    letters = (letter for letter in unicodedata.normalize("NFKD", text) if not unicodedata.combining(letter))
-    return "".join(letters).encode("ascii", errors="replace").decode()

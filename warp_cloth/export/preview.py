@@ -10,11 +10,12 @@ from typing import TypeVar
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.threads import map_in_threads
 from warp_cloth.export.files import whole_file
+from warp_cloth.export.lettering import font_for
 from warp_cloth.export.picture_head import FAINT_INK, INK, LEADING, Head, draw_head, shorten
 from warp_cloth.export.problem_marks import draw_rings, marked_subject, places_of
 from warp_cloth.export.render import (
@@ -211,7 +212,7 @@ def draw_labels(image: Image.Image, layout: Layout, title: str, sentence: str) -
     """Title and sentence above the views, a label below each."""
     draw = ImageDraw.Draw(image)
     height = text_height(image.size)
-    font = ImageFont.load_default(height)
+    font = font_for(height)
     for window in layout.windows:
         place = (window.left + window.width / 2, image.height - 1.5 * height)
         draw.text(place, window.label, fill=FAINT_INK, font=font, anchor="mm")
@@ -219,7 +220,7 @@ def draw_labels(image: Image.Image, layout: Layout, title: str, sentence: str) -
     left = margin
     for text, ink, scale in ((title, INK, 1.3), (sentence, FAINT_INK, 1.0)):
         if text:
-            font = ImageFont.load_default(round(scale * height))
+            font = font_for(round(scale * height), text)
             line = shorten(text, font, image.width - left - margin)
             draw.text((left, 2 * height), line, fill=ink, font=font, anchor="ls")
             left += round(font.getlength(line)) + height

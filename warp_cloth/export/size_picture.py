@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
+from warp_cloth.export.lettering import font_for
 from warp_cloth.export.picture_head import INK, LEADING, Head, draw_head, wrapped
 from warp_cloth.export.preview import BACKGROUND, SIDES, arrange_windows, compose_picture, render_views, text_height
 from warp_cloth.export.render import build_subject
@@ -24,7 +25,7 @@ def size_picture(title: str, fits: Mapping[str, FitResult], recommended: str | N
         ValueError: a point is not finite.
     """
     width, height = COLUMN[0] * len(fits), text_height(COLUMN)
-    font = ImageFont.load_default(round(1.2 * height))
+    font = font_for(round(1.2 * height), title)
     lines = wrapped(title, font, width - 2 * LEFT, MOST_LINES)
     top = round((1.0 + LEADING * 1.2 * len(lines)) * height)
     image = Image.new("RGB", (width, top + COLUMN[1]), tuple(round(255 * part) for part in BACKGROUND))
