@@ -11,7 +11,6 @@ from dxf_panelled import PANELLED
 from dxf_patterns import GARMENTS, GRADES, STYLES, TRUE_SEAMS, Drafted, Style, tshirt, write
 from test_dxf import drafted, kinds
 
-from warp_cloth.base.errors import InputError
 from warp_cloth.pattern import DraftOptions, read_drafted
 from warp_cloth.pattern.draft import Stated
 from warp_cloth.pattern.drafted import drafted_pattern
@@ -60,13 +59,12 @@ def test_a_numbered_tshirt_has_the_same_seams(tmp_path: Path) -> None:
     assert seams[0] == seams[1]
 
 
-def test_a_numbered_pocket_is_left_out_if_stated_and_the_others_are_still_told(tmp_path: Path) -> None:
+def test_a_numbered_pocket_is_left_out_and_the_others_are_still_told(tmp_path: Path) -> None:
     path = write(tmp_path / "pocket.dxf", {"M": numbered(GARMENTS["hooded"](0.0))})
-    with pytest.raises(InputError, match="sewn to nothing"):
-        drafted_pattern(read_drafted(path), None)
-    draft = read_drafted(path, DraftOptions(pieces={"7": Stated("none")}))
+    draft = read_drafted(path)
     assert kinds(draft) == TRUE_SEAMS["hooded"]
-    assert drafted_pattern(draft, None).panels
+    assert "7" not in {panel.name for panel in drafted_pattern(draft, None).panels}
+    assert kinds(read_drafted(path, DraftOptions(pieces={"7": Stated("none")}))) == TRUE_SEAMS["hooded"]
 
 
 def test_sleeves_drawn_left_and_right_are_a_pair(tmp_path: Path) -> None:

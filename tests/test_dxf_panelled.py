@@ -29,7 +29,7 @@ NAMES = {
     "leg_front": "Vorderhose|pantalon devant|delantero pantalon|davanti pantalone|qian ku|前裤片",
     "leg_back": "Hinterhose|pantalon dos|trasero pantalon|dietro pantalone|hou ku|后裤片",
     "none": "Tasche|Beleg vorn|poche|parementure devant|bolsillo|vista delantero|fodera|карман|口袋|BACK FACING",
-    "": "ORIGINAL PATTERN|SHOULDER PAD|STRAP|PIECE 3|1204|ELASTIC",
+    "": "ORIGINAL PATTERN|SHOULDER PAD|PIECE 3|1204|ELASTIC",
 }  # fmt: skip
 LANGUAGES = {
     "de": ("Vorderteil", "Rückenteil", "Ärmel", "Halsbündchen"),

@@ -16,6 +16,7 @@ import numpy as np
 from warp_cloth.pattern.draft import COLLARS, Part
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, is_named_stand
+from warp_cloth.pattern.layers import without_parts
 from warp_cloth.pattern.neckline import neck_from_front, opens_in_front
 from warp_cloth.pattern.parting import marks_along, parted
 from warp_cloth.pattern.roles import Shape
@@ -105,11 +106,7 @@ def _single_layers(parts: tuple[Part, ...]) -> tuple[tuple[Part, ...], list[str]
             gone.add(other)
             names = f'pieces "{short(parts[one].name)}" and "{short(parts[other].name)}"'
             notes.append(f"{names} are layers of one collar: the first is sewn")
-    if not gone:
-        return parts, notes
-    kept = [index for index in range(len(parts)) if index not in gone]
-    new = {index: place for place, index in enumerate(kept)}
-    return tuple(replace(parts[k], twin=new.get(-1 if (t := parts[k].twin) is None else t)) for k in kept), notes
+    return without_parts(parts, gone), notes
 
 
 def _size(part: Part) -> np.ndarray:

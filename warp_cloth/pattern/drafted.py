@@ -18,6 +18,7 @@ from warp_cloth.pattern.figure import Figure, figure_of
 from warp_cloth.pattern.grade_table import GradeTable
 from warp_cloth.pattern.joints import Joint, cut, side_text, stated_joints
 from warp_cloth.pattern.kinds import BOTH
+from warp_cloth.pattern.loose import without_panels
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.piece_notes import gathered
 from warp_cloth.pattern.piece_sizes import rank
@@ -26,6 +27,7 @@ from warp_cloth.pattern.placing import wraps_of
 from warp_cloth.pattern.proposal import SEWN_FROM, proposed_joints
 from warp_cloth.pattern.shared_sides import parts_with_sides
 from warp_cloth.pattern.specification import Edge, Panel, Pattern, Side, Stitch, short
+from warp_cloth.pattern.trims import trims_of
 
 ADVICE = "draw it with `warp-cloth pattern`, and state the seams that it needs ([[garment.seam]])"
 
@@ -40,6 +42,7 @@ class Draft:
     parts: tuple[Part, ...]
     joints: tuple[Joint, ...]
     unsewn: tuple[Joint, ...]
+    trims: frozenset[int]  # parts that are drawn, and left out of the garment: small, unknown and sewn to nothing
     notes: tuple[str, ...]
 
 
@@ -72,7 +75,10 @@ def read_draft(file: str, data: bytes, options: DraftOptions, table: GradeTable 
         joints = tuple(joint for joint in proposed if joint.confidence >= SEWN_FROM)
         unsewn = tuple(joint for joint in proposed if joint.confidence < SEWN_FROM)
         notes += _told(parts, joints, unsewn)
-    return Draft(file, size, sizes, parts, joints, unsewn, tuple(gathered(notes)))
+    trims = trims_of(parts, joints)
+    why = "is small, sewn to nothing and of no known name: left out; state a seam of it to keep it"
+    notes += [f'piece "{short(parts[index].name)}" {why}' for index in sorted(trims)]
+    return Draft(file, size, sizes, parts, joints, unsewn, trims, tuple(gathered(notes)))
 
 
 def _of_size(
@@ -114,12 +120,12 @@ def _told(parts: Sequence[Part], joints: Sequence[Joint], unsewn: Sequence[Joint
 
 
 def unjoined(draft: Draft) -> tuple[str, ...]:
-    """Names of parts that are sewn to nothing, where there are others."""
+    """Names of parts of the garment that are sewn to nothing, where there are others."""
     count = len(draft.parts)
     if count == 1:
         return ()
     alone = np.bincount(_groups(draft), minlength=count)[_groups(draft)] == 1
-    return tuple(part.name for part, lonely in zip(draft.parts, alone, strict=True) if lonely)
+    return tuple(draft.parts[index].name for index in np.flatnonzero(alone) if index not in draft.trims)
 
 
 def _groups(draft: Draft) -> NDArray[np.int64]:
@@ -132,7 +138,7 @@ def _groups(draft: Draft) -> NDArray[np.int64]:
 def _apart(draft: Draft) -> list[str]:
     """A note where the parts are sewn into several garments that no seam joins, as a top and trousers are."""
     group = _groups(draft)
-    firsts = [draft.parts[int(first)].name for first in np.unique(group)]
+    firsts = [draft.parts[first].name for first in np.unique(group) if first not in draft.trims]
     if len(firsts) < 2:
         return []
     named = ", ".join(f'"{short(name)}"' for name in firsts[:4])
@@ -143,7 +149,8 @@ def not_joined(draft: Draft) -> tuple[str, str] | None:
     """Runs of edges of two unconnected groups of parts that a proposal would join, if it were surer."""
     group = _groups(draft)
     for joint in draft.unsewn:
-        if group[joint.one[0].panel] != group[joint.other[0].panel]:
+        one, other = joint.one[0].panel, joint.other[0].panel
+        if group[one] != group[other] and draft.trims.isdisjoint((one, other)):
             return side_text(draft.parts, joint.one), side_text(draft.parts, joint.other)
     return None
 
@@ -186,7 +193,7 @@ def drafted_pattern(draft: Draft, figure: Figure | None) -> Pattern:
     notes = (*draft.notes, *apart)
     if figure.is_nominal:
         notes = (*notes, "no person is there to lay the pieces round: laid round a figure of 1.70 m")
-    return Pattern(draft.file, panels, made.stitches, notes)
+    return without_panels(Pattern(draft.file, panels, made.stitches, notes), draft.trims)
 
 
 def drawn_pattern(draft: Draft) -> Pattern:

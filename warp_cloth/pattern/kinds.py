@@ -117,6 +117,7 @@ class Named:
     kind: str = ""
     side: int = BOTH
     panel: str = ""  # SIDE_PANEL of a front or back, UNDER_SLEEVE of a sleeve
+    face: str = ""  # of another kind than these, that it is in "front" or "back"
     sure: float = 0.97  # of the kind
     is_facing: bool = False  # by its shape it faces another piece, and is left out
 
@@ -149,15 +150,15 @@ def _named(name: str) -> Named:
     found = [kind for kind, words in WORDS if re.search(words, text)]
     side = next((side for side, words in SIDES if re.search(words, text)), BOTH)
     kind = found[0] if found else ""
+    face = next((each for each in found[1:] if each in ("front", "back")), "")
     if kind in ("leg", "skirt"):
-        face = next((each for each in found if each in ("front", "back")), "")
         is_panel = kind == "skirt" and face and re.search(SIDE_PANEL_WORDS, text)
         return Named(f"{kind}_{face}" if face else kind, side, SIDE_PANEL if is_panel else "")
     if kind in ("", "front", "back") and re.search(SIDE_PANEL_WORDS, text):
         return Named(kind, side, SIDE_PANEL)
     if kind == "sleeve" and re.search(UNDER, text):
         return Named(kind, side, UNDER_SLEEVE)
-    return Named(kind, side)
+    return Named(kind, side, face=face if kind not in ("front", "back") else "")
 
 
 def is_named_stand(name: str) -> bool:

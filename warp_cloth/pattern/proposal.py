@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from warp_cloth.pattern.band_rings import around, ring_of
 from warp_cloth.pattern.bands_in_two import proposed_halves
 from warp_cloth.pattern.collars import proposed_collars
 from warp_cloth.pattern.draft import Part
@@ -19,7 +20,7 @@ from warp_cloth.pattern.gussets import proposed_gussets, slits_of, without_gaps
 from warp_cloth.pattern.joints import Joint, notch_fractions
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
 from warp_cloth.pattern.leg_yokes import has_loose_yokes, leg_run, proposed_leg_yokes
-from warp_cloth.pattern.neckline import half_neck, neck_from_back, neck_from_front
+from warp_cloth.pattern.neckline import half_neck, neck_from_front
 from warp_cloth.pattern.runs import (
     DOUBTED,
     PLAIN_EASE,
@@ -30,7 +31,7 @@ from warp_cloth.pattern.runs import (
     role_of,
     run_of,
 )
-from warp_cloth.pattern.sleeves import proposed_sleeves, sleeve_side, under_sleeve_of
+from warp_cloth.pattern.sleeves import proposed_sleeves
 from warp_cloth.pattern.specification import Side
 from warp_cloth.pattern.yokes import proposed_yokes
 
@@ -258,7 +259,7 @@ def _gores(parts: Sequence[Part]) -> Iterable[Joint]:
         yield from joint_of(parts, run_of(gore, one), run_of(following, other, True), "gore")
     if gores and parts_of_kind(parts, "front", "back"):
         waist = tuple(side for gore in gores[::-1] for side in run_of(gore, parts[gore].roles.get("waist", ())))
-        hem = _around(parts, ("front",), ("back",), "hem", True)
+        hem = around(parts, ("front",), ("back",), "hem", True)
         behind = tuple(side for side in hem if parts[side.panel].kind.endswith("back"))
         ahead = tuple(side for side in hem if side not in behind)
         yield from joint_of(parts, waist, (*behind, *ahead), "waist", (-0.02, 1.0), 0.9)
@@ -267,7 +268,7 @@ def _gores(parts: Sequence[Part]) -> Iterable[Joint]:
 def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
     """Collars, waistbands, cuffs and bands at the hem: round a ring of edges, their ends together."""
     for kind in ("waistband", "hem_band"):
-        yield from proposed_halves(parts, kind, _ring)
+        yield from proposed_halves(parts, kind, ring_of)
     for band in parts_of_kind(parts, "collar", "waistband", "cuff", "hem_band"):
         part = parts[band]
         others = [each for each in parts_of_kind(parts, part.kind) if each not in (band, part.twin)]
@@ -276,7 +277,7 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
             sure = DOUBTED
         if "end" not in part.roles or "neck" in part.roles:
             continue
-        ring = _ring(parts, band)
+        ring = ring_of(parts, band)
         if not ring:
             continue
         best = [
@@ -292,61 +293,6 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
             parts, run_of(band, part.roles["end"]), run_of(band, part.roles["end2"], True), f"{part.kind} ends"
         )
         yield from (each for each in ends if joint.confidence >= SEWN_FROM)
-
-
-def _ring(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
-    """The closed run of edges that a band goes round, from the middle of the back, or an underarm or inner seam."""
-    kind = parts[band].kind
-    if kind == "collar":
-        return neck_from_back(parts)
-    if kind == "cuff":
-        side = parts[band].side or (RIGHT if parts[band].twin is not None and (parts[band].twin or 0) < band else LEFT)
-        for sleeve in parts_of_kind(parts, "sleeve"):
-            if sleeve_side(parts, sleeve) == side:
-                under = under_sleeve_of(parts, sleeve)
-                both = (sleeve,) if under is None else (sleeve, under[0])
-                return tuple(each for one in both for each in run_of(one, parts[one].roles.get("hem", ()), True))
-        for leg in parts_of_kind(parts, "leg"):
-            if parts[leg].side == side:
-                return run_of(leg, parts[leg].roles.get("hem", ()), True)
-        legs = {
-            parts[leg].kind: leg for leg in parts_of_kind(parts, "leg_front", "leg_back") if parts[leg].side == side
-        }
-        runs = [run_of(leg, parts[leg].roles.get("hem", ()), True) for leg in legs.values()]
-        return tuple(each for run in runs for each in run) if len(runs) == 2 else ()
-    if kind == "hem_band":
-        return _around(parts, ("front",), ("back",), "hem", True)
-    whole = {
-        parts[leg].side: run_of(leg, parts[leg].roles.get("waist", ()), True) for leg in parts_of_kind(parts, "leg")
-    }
-    if all(whole.get(side) for side in (LEFT, RIGHT)):
-        return (*whole[RIGHT], *whole[LEFT])  # from the middle of the back
-    gores = parts_of_kind(parts, "gore")
-    if gores:
-        return tuple(side for gore in gores for side in run_of(gore, parts[gore].roles.get("waist", ()), True))
-    legs_or_skirt = _around(parts, ("leg_front", "skirt_front"), ("leg_back", "skirt_back"), "waist", False)
-    return legs_or_skirt or _around(parts, ("front",), ("back",), "hem", True)
-
-
-def _around(
-    parts: Sequence[Part], fronts: tuple[str, ...], backs: tuple[str, ...], role: str, low: bool
-) -> tuple[Side, ...]:
-    """The edges of this role all round the trunk, each against its direction, from a side or the centre back."""
-    runs: dict[tuple[bool, bool, int], tuple[Side, ...]] = {}
-    for panel, part in enumerate(parts):
-        kind = part.kind.removeprefix("side_")
-        if kind in fronts or kind in backs:
-            run = leg_run(parts, panel, role)[::-1]
-            if run:
-                runs.setdefault((kind in fronts, kind != part.kind, part.side), run)
-    # upper edges run from the wearer's left to the right in front, so against them it is right to left
-    half = [(True, RIGHT), (False, RIGHT), (False, BOTH), (False, LEFT), (True, LEFT)]
-    if low:
-        half = half[::-1]
-    turn = [(True, *each) for each in half] + [(False, *each) for each in half[::-1]]
-    found = [runs[key] for key in turn if key in runs]
-    faces = {key[0] for key in runs}
-    return tuple(side for run in found for side in run) if len(faces) == 2 else ()
 
 
 def _leftovers(parts: Sequence[Part], used: set[Side]) -> Iterable[Joint]:

@@ -11,7 +11,8 @@ from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.drafted import Draft
 from warp_cloth.pattern.joints import Joint, side_text
 from warp_cloth.pattern.kinds import BOTH, PLACES
-from warp_cloth.pattern.proposal import SEWN_FROM, sleeve_side
+from warp_cloth.pattern.proposal import SEWN_FROM
+from warp_cloth.pattern.sleeves import sleeve_side
 
 
 def place_of(parts: Sequence[Part], index: int) -> str | None:
@@ -47,6 +48,7 @@ pattern = {toml_text(pattern_file)}
         if part.twin is None or part.twin > index:
             place = place_of(draft.parts, index)
             said = '# place = "front"  # not known' if place is None else f"place = {toml_text(place)}"
+            said = 'place = "none"  # small, and sewn to nothing' if index in draft.trims else said
             count = len(part.darts)
             eyes = f"darts = true  # {count} within it cut out and sewn; false: left as lines\n" if count else ""
             lines.append(f"[[garment.piece]]\nname = {toml_text(part.name)}\n{said}\n{eyes}")

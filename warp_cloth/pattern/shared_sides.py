@@ -8,6 +8,7 @@ from dataclasses import replace
 from warp_cloth.pattern.collars import with_collars
 from warp_cloth.pattern.draft import Part, Stated, parts_of
 from warp_cloth.pattern.kinds import SIDE_PANEL
+from warp_cloth.pattern.layers import with_single_layers
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.proposal import SEWN_FROM, proposed_joints
 from warp_cloth.pattern.skirt_panels import with_skirt_panels
@@ -47,8 +48,9 @@ def _made(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> t
     parts, notes = parts_of(file, pieces, stated)
     for way in WAYS:
         parts = _parted(parts, way)
-    parts, layers = with_collars(with_skirt_panels(parts))
-    return parts, [*notes, *layers]
+    parts, layers = with_single_layers(with_skirt_panels(parts))
+    parts, collars = with_collars(parts)
+    return parts, [*notes, *layers, *collars]
 
 
 def _parted(parts: Sequence[Part], way: str, is_shared: bool = False) -> tuple[Part, ...]:

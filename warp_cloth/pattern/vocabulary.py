@@ -12,7 +12,7 @@ WORDS = (
     (
         "none",
         r"facing|(?<!neck )(?<!neckline )\bbinding|\bbias\b|paspel|schragband|\blini\b|\blng\b"
-        r"|interlin|interfac|fusing|fusible|lining|label|pocket|flap|welt|belt\b|loop|plac?ket"
+        r"|interlin|interfac|fusing|fusible|\bfuse\b|lining|label|pocket|flap|welt|belt\b|loop|plac?ket|\bplkt\b"
         r"|placard|\bfly\b|\btasche|tasche\b|taschen|beleg|futter|einlage|etikett|schlaufe|\bpatten?\b"
         r"|leiste|schlitz|\bzak\b|zakken|voering|\bpoche|parement|doublure|enforme|entoilage|rabat|passant"
         r"|biais|\bpattes?\b|bolsi?l?lo|\bbolso|\bvista\b|forro|entretela|tapeta|trabilla|bragueta|carcela"
@@ -22,9 +22,10 @@ WORDS = (
         r"|cebi|astar|\bpervaz|\blomme|\bficka|tasku|vuori|tuki\b|lisake|kou ?dai|dou ?bu|li ?bu|gua ?mian|袋"
         r"|里布|里料|贴边|挂面|衬|门襟|ポケット|見返し|裏地|주머니|안감|zseb|belebujt|\bbeles|buzunar|captuseal",
     ),
+    ("strap", r"(?<!sleeve )straps?\b|bretelle|\btra(e|)ger\b|spagh?ettitr|tirante\b|spallina|\balca\b|ramiacz|бретел"),
     (
         "hem_band",
-        r"(?<!sleeve )(?<!arm )(hem|bottom)[ _-]*(band|rib)|rib[ _-]*(hem|bottom)"
+        r"(?<!sleeve )(?<!arm )(hem|bottom|btm)[ _-]*(band|rib)|rib[ _-]*(hem|bottom|btm)"
         r"|saumb(ue|u)ndchen|b(ue|u)ndchen (saum|unten)"
         r"|saumbund|bord[ _-]*cote[ _-]*(bas|ourlet)|(bajo|cintura|dobladillo) (de )?(canale|rib)"
         r"|fondo costina|xia ?bai|下摆|下脚罗纹|裾リブ",

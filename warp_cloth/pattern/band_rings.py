@@ -1,0 +1,68 @@
+"""The edges that collars, waistbands, cuffs and bands at the hem go round."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from warp_cloth.pattern.draft import Part
+from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
+from warp_cloth.pattern.leg_yokes import leg_run
+from warp_cloth.pattern.neckline import neck_from_back
+from warp_cloth.pattern.runs import parts_of_kind, run_of
+from warp_cloth.pattern.sleeves import sleeve_side, under_sleeve_of
+from warp_cloth.pattern.specification import Side
+
+
+def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
+    """The closed run of edges that a band goes round, from the middle of the back, or an underarm or inner seam."""
+    kind = parts[band].kind
+    if kind == "collar":
+        return neck_from_back(parts)
+    if kind == "cuff":
+        side = parts[band].side or (RIGHT if parts[band].twin is not None and (parts[band].twin or 0) < band else LEFT)
+        for sleeve in parts_of_kind(parts, "sleeve"):
+            if sleeve_side(parts, sleeve) == side:
+                under = under_sleeve_of(parts, sleeve)
+                both = (sleeve,) if under is None else (sleeve, under[0])
+                return tuple(each for one in both for each in run_of(one, parts[one].roles.get("hem", ()), True))
+        for leg in parts_of_kind(parts, "leg"):
+            if parts[leg].side == side:
+                return run_of(leg, parts[leg].roles.get("hem", ()), True)
+        legs = {
+            parts[leg].kind: leg for leg in parts_of_kind(parts, "leg_front", "leg_back") if parts[leg].side == side
+        }
+        runs = [run_of(leg, parts[leg].roles.get("hem", ()), True) for leg in legs.values()]
+        return tuple(each for run in runs for each in run) if len(runs) == 2 else ()
+    if kind == "hem_band":
+        return around(parts, ("front",), ("back",), "hem", True)
+    whole = {
+        parts[leg].side: run_of(leg, parts[leg].roles.get("waist", ()), True) for leg in parts_of_kind(parts, "leg")
+    }
+    if all(whole.get(side) for side in (LEFT, RIGHT)):
+        return (*whole[RIGHT], *whole[LEFT])  # from the middle of the back
+    gores = parts_of_kind(parts, "gore")
+    if gores:
+        return tuple(side for gore in gores for side in run_of(gore, parts[gore].roles.get("waist", ()), True))
+    legs_or_skirt = around(parts, ("leg_front", "skirt_front"), ("leg_back", "skirt_back"), "waist", False)
+    return legs_or_skirt or around(parts, ("front",), ("back",), "hem", True)
+
+
+def around(
+    parts: Sequence[Part], fronts: tuple[str, ...], backs: tuple[str, ...], role: str, low: bool
+) -> tuple[Side, ...]:
+    """The edges of this role all round the trunk, each against its direction, from a side or the centre back."""
+    runs: dict[tuple[bool, bool, int], tuple[Side, ...]] = {}
+    for panel, part in enumerate(parts):
+        kind = part.kind.removeprefix("side_")
+        if kind in fronts or kind in backs:
+            run = leg_run(parts, panel, role)[::-1]
+            if run:
+                runs.setdefault((kind in fronts, kind != part.kind, part.side), run)
+    # upper edges run from the wearer's left to the right in front, so against them it is right to left
+    half = [(True, RIGHT), (False, RIGHT), (False, BOTH), (False, LEFT), (True, LEFT)]
+    if low:
+        half = half[::-1]
+    turn = [(True, *each) for each in half] + [(False, *each) for each in half[::-1]]
+    found = [runs[key] for key in turn if key in runs]
+    faces = {key[0] for key in runs}
+    return tuple(side for run in found for side in run) if len(faces) == 2 else ()
