@@ -98,3 +98,18 @@ def test_a_rib_of_a_sleeve_is_its_cuff(tmp_path: Path) -> None:
 )
 def test_names_of_what_is_sewn_to_tops(name: str, kind: str) -> None:
     assert named(name).kind == kind
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_band_below_an_open_front_is_open_as_well(count: int, tmp_path: Path) -> None:
+    """As of a bomber jacket: from the middle of one front to that of the other, or not sewn, as one for each face."""
+    front, back, arm, _ = tshirt()
+    half = replace(front, fold=None, quantity="1,1")
+    hem = 2.0 * (length(front.edges[0]) + length(back.edges[0]))
+    bands = [band(name, 0.95 * hem / count, 6.0) for name in ("HEM BAND FRONT", "HEM BAND BACK")[:count]]
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": [half, back, arm, *bands]}))
+    assert (kinds(draft)["hem band"], kinds(draft)["hem_band ends"]) == (2 - count, 0)
+    if count == 1:
+        joint = next(joint for joint in draft.joints if joint.reason.startswith("hem band"))
+        assert [draft.parts[joint.other[end].panel].name for end in (0, -1)] == ["FRONT mirrored", "FRONT"]
+        assert boundary_loops(tmp_path / "a.dxf", DraftOptions()) == 3  # wrists, and all round the front

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
 from warp_cloth.pattern.leg_yokes import leg_run
-from warp_cloth.pattern.neckline import neck_from_back
+from warp_cloth.pattern.neckline import neck_from_back, opens_in_front
 from warp_cloth.pattern.runs import parts_of_kind, run_of
 from warp_cloth.pattern.sleeves import sleeve_side, under_sleeve_of
 from warp_cloth.pattern.specification import Side
@@ -47,10 +47,24 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
     return legs_or_skirt or around(parts, ("front",), ("back",), "hem", True)
 
 
+def is_left_open(parts: Sequence[Part]) -> bool:
+    """Whether the front opens from neck to hem: of two halves, and not of a romper, which is closed to its fork."""
+    return opens_in_front(parts) and not any("inseam" in parts[panel].roles for panel in parts_of_kind(parts, "front"))
+
+
+def opens_between_fronts(parts: Sequence[Part], ring: Sequence[Side]) -> bool:
+    """Whether a ring of edges begins at one front and ends at another, and is open between them."""
+    ends = [ring[0].panel, ring[-1].panel] if ring else []
+    return len({*ends}) == 2 and all(parts[panel].kind == "front" for panel in ends)
+
+
 def around(
     parts: Sequence[Part], fronts: tuple[str, ...], backs: tuple[str, ...], role: str, low: bool
 ) -> tuple[Side, ...]:
-    """The edges of this role all round the trunk, each against its direction, from a side or the centre back."""
+    """The edges of this role all round the trunk, each against its direction, from a side or the centre back.
+
+    Of fronts that are left open from the middle of one on to that of the other.
+    """
     runs: dict[tuple[bool, bool, int], tuple[Side, ...]] = {}
     for panel, part in enumerate(parts):
         kind = part.kind.removeprefix("side_")
@@ -63,6 +77,8 @@ def around(
     if low:
         half = half[::-1]
     turn = [(True, *each) for each in half] + [(False, *each) for each in half[::-1]]
+    if "front" in fronts and is_left_open(parts):
+        turn = [*turn[3:], *turn[:3]]
     found = [runs[key] for key in turn if key in runs]
     faces = {key[0] for key in runs}
     return tuple(side for run in found for side in run) if len(faces) == 2 else ()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import groupby, permutations
 
+from warp_cloth.pattern.band_rings import opens_between_fronts, ring_of
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.runs import joint_of, parts_of_kind, run_of
@@ -13,16 +14,14 @@ from warp_cloth.pattern.specification import Side
 EASE = (-0.4, 0.04)  # a band may gather what it is sewn to
 
 
-def proposed_halves(
-    parts: Sequence[Part], kind: str, ring_of: Callable[[Sequence[Part], int], tuple[Side, ...]]
-) -> Iterable[Joint]:
+def proposed_halves(parts: Sequence[Part], kind: str) -> Iterable[Joint]:
     """Seams of two bands of a kind, each as long as the front or the back of the ring that a band of it goes round.
 
-    Of two that are each as long as the whole ring (an outer and an inner one) none is sewn so. ``ring_of`` gives the
-    ring for a band, its edges in their order against their direction.
+    Of two that are each as long as the whole ring none is sewn so.
     """
     bands = [each for each in parts_of_kind(parts, kind) if "end" in parts[each].roles]
-    halves = _faces(parts, ring_of(parts, bands[0])) if len(bands) == 2 else []
+    ring = ring_of(parts, bands[0]) if len(bands) == 2 else ()
+    halves = [] if opens_between_fronts(parts, ring) else _faces(parts, ring)
     if len(halves) != 2:
         return
     ways = []

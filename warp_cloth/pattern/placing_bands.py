@@ -46,7 +46,7 @@ def band(
     centre = np.full(2, 0.5 * (x.min() + x.max()))
     if part.kind == "cuff":
         return _cuff(parts, index, figure, along, levels, centre, bend)
-    # a ring begins at the back for a collar, at the right side round a waist, at the left below a hem; see proposal.py
+    # a ring begins behind for a collar, at the right side round a waist, at the left below a hem; see band_rings.py
     is_collar = part.kind in COLLARS
     from_back = is_collar or any(each.kind == "leg" for each in parts)
     outward = figure.forward if from_back else -figure.left if below_hem else figure.left
@@ -54,7 +54,7 @@ def band(
     if len(halves) > 1:  # it lies before or behind
         is_front = any(parts[side.panel].kind.endswith("front") for side in _mates(joints, index))
         outward, bend = figure.forward if is_front else -figure.forward, 0.5 * bend
-    if is_collar and _opens_in_front(parts, joints, index):
+    if _opens_in_front(parts, joints, index):
         outward = -figure.forward
     bottom = _above_neck(parts, figure) if is_collar else float(figure.middle[1])
     if below_hem:
@@ -70,14 +70,14 @@ def band(
     else:  # an ellipse as wide and deep as what it is sewn to: wider, it would fold down
         half, deep, ahead = _extent(parts, joints, found, halves, figure)
         middle += ahead * figure.forward
-        half, deep = (half, deep) if len(halves) == 1 else (deep, half)
+        half, deep = (half, deep) if abs(outward @ figure.left) > 0.5 else (deep, half)
         out = out * max(1.0, half * bend)
         across = across * max(1.0, deep * bend)
     return Wrap(along, levels, centre, np.full(2, bend), middle + out / bend, across, out)
 
 
 def _opens_in_front(parts: Sequence[Part], joints: Sequence[Joint], index: int) -> bool:
-    """Whether a collar's ends are in front: what it is sewn to begins at a front and ends at one, or it is a fall."""
+    """Whether a band's ends are in front: what it is sewn to begins at a front and ends at another, or it is a fall."""
     if parts[index].kind == FALL:
         return True
     runs = [

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from warp_cloth.pattern.band_rings import around, ring_of
+from warp_cloth.pattern.band_rings import around, opens_between_fronts, ring_of
 from warp_cloth.pattern.bands_in_two import proposed_halves
 from warp_cloth.pattern.collars import proposed_collars
 from warp_cloth.pattern.draft import Part
@@ -266,9 +266,9 @@ def _gores(parts: Sequence[Part]) -> Iterable[Joint]:
 
 
 def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
-    """Collars, waistbands, cuffs and bands at the hem: round a ring of edges, their ends together."""
+    """Collars, waistbands, cuffs and bands at the hem: round a ring of edges, their ends together if that is closed."""
     for kind in ("waistband", "hem_band"):
-        yield from proposed_halves(parts, kind, ring_of)
+        yield from proposed_halves(parts, kind)
     for band in parts_of_kind(parts, "collar", "waistband", "cuff", "hem_band"):
         part = parts[band]
         others = [each for each in parts_of_kind(parts, part.kind) if each not in (band, part.twin)]
@@ -289,6 +289,8 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
         ]
         joint = max(best, key=lambda each: each.confidence)
         yield joint
+        if opens_between_fronts(parts, ring):
+            continue
         ends = joint_of(
             parts, run_of(band, part.roles["end"]), run_of(band, part.roles["end2"], True), f"{part.kind} ends"
         )
