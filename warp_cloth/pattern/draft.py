@@ -27,6 +27,7 @@ from warp_cloth.pattern.panel_roles import (
 )
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import opened
+from warp_cloth.pattern.pocket_openings import without_pocket_openings
 from warp_cloth.pattern.roles import (
     Roles,
     Shape,
@@ -113,6 +114,8 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
     parts: list[Part] = []
     left_out = [piece for piece in pieces if stated.get(piece.name, Stated()).place == "none"]
     told, notes = _identified([piece for piece in pieces if piece not in left_out])
+    told, closed = without_pocket_openings(told)
+    notes += closed
     pieces = [*told, *left_out]
     panelled = _panelled(pieces, stated)
     places = {piece.name: stated.get(piece.name, Stated()).place for piece in pieces}
