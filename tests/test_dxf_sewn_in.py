@@ -18,7 +18,7 @@ from warp_cloth.pattern.dxf_drawn import Drawn
 from warp_cloth.pattern.kinds import LEFT, RIGHT, SIDE_PANEL, named, named_all
 from warp_cloth.pattern.labels import copies_of, name_of
 from warp_cloth.pattern.levels import spans
-from warp_cloth.pattern.panel_roles import legged_roles, yoked_back_roles
+from warp_cloth.pattern.panel_roles import legged_roles, yoked_roles
 from warp_cloth.pattern.roles import Shape
 
 OPENINGS = {"kimono": 4, "gusset": 4, "hood of three": 4, "tapered strip": 4, "waistband in two": 2, "romper": 5}
@@ -123,4 +123,4 @@ def test_levels_rise_where_the_one_that_is_asked_for_is_an_end() -> None:
 def test_a_back_that_has_no_sides_below_its_yoke_has_no_roles_there() -> None:
     corners = np.array([(0.0, 0.0), (0.3, 0.0), (0.2, 0.05), (0.0, 0.4), (0.0, 0.0)])
     shape = Shape(tuple(Chain(corners[k : k + 2]) for k in range(4)), np.array([0.0, 1.0]))
-    assert yoked_back_roles(shape, True) == {}
+    assert yoked_roles(shape, True) == {}

@@ -122,7 +122,8 @@ def _with_facings(pieces: Sequence[Piece]) -> list[Piece]:
     for piece, area in zip(pieces, areas, strict=True):
         faced = [pieces[index] for index in outer if area < FACED * areas[index]]
         if piece.what.kind:
-            faced = [other for other in faced if other.what.kind == piece.what.kind]
+            own = piece.what.kind, piece.what.face
+            faced = [other for other in faced if (other.what.kind, other.what.face) == own]
         is_one = not piece.what.panel and any(is_facing(piece.edges, other.edges) for other in faced)
         out.append(replace(piece, what=Named("none", sure=SURE, is_facing=True)) if is_one else piece)
     return out

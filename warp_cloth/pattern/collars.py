@@ -13,9 +13,9 @@ from itertools import combinations, product
 
 import numpy as np
 
-from warp_cloth.pattern.draft import COLLARS, Part
+from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint
-from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, is_named_stand
+from warp_cloth.pattern.kinds import BOTH, COLLARS, LEFT, RIGHT, is_named_stand
 from warp_cloth.pattern.layers import without_parts
 from warp_cloth.pattern.neckline import neck_from_front, opens_in_front
 from warp_cloth.pattern.parting import marks_along, parted

@@ -9,48 +9,36 @@ from itertools import combinations
 import numpy as np
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.pattern.bodices import arm_side, bodice_roles
 from warp_cloth.pattern.by_shape import are_mirrored, is_leg_and_no_bodice, told_by_shape
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.drawn_darts import turned
-from warp_cloth.pattern.kinds import BOTH, LEFT, PAIRED, PLACES, RIGHT, SIDE_PANEL, UNDER_SLEEVE, named, without_side
-from warp_cloth.pattern.middles import with_middles
-from warp_cloth.pattern.panel_roles import (
-    half_skirt_roles,
-    legged_roles,
-    middle_side,
-    parted_at_underarm,
-    side_panel_roles,
-    yoke_roles,
-    yoked_back_roles,
+from warp_cloth.pattern.kinds import (
+    BOTH,
+    COLLARS,
+    PAIRED,
+    PLACES,
+    SIDE_PANEL,
+    SKIRTS,
+    UNDER_SLEEVE,
+    YOKE_OF,
+    YOKES,
+    named,
+    without_side,
 )
+from warp_cloth.pattern.middles import with_middles
+from warp_cloth.pattern.panel_roles import half_skirt_roles, parted_at_underarm, yoke_roles
+from warp_cloth.pattern.part_roles import roles_of, side_of
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import opened
 from warp_cloth.pattern.pocket_openings import without_pocket_openings
-from warp_cloth.pattern.roles import (
-    Roles,
-    Shape,
-    collar_roles,
-    concave_count,
-    hood_roles,
-    is_strip,
-    leg_roles,
-    pants_roles,
-    skirt_roles,
-    sleeve_roles,
-    strip_roles,
-    upright,
-)
+from warp_cloth.pattern.roles import Roles, Shape, concave_count, pants_roles, upright
 from warp_cloth.pattern.round_skirts import ring_of
 from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
-SKIRTS = ("skirt_front", "skirt_back")
-COLLARS = ("collar", "stand", "fall")
-STRIPS = (*COLLARS, "cuff", "waistband", "hem_band")
 TOPS = ("sleeve", *COLLARS, "hood")
-SINGLE = ("front", "back", "collar", "waistband", "hem_band", "yoke", "skirt_front", "skirt_back")
+SINGLE = ("front", "back", "collar", "waistband", "hem_band", *YOKES, *SKIRTS)
 MIRROR = np.diag([-1.0, 1.0])
 UPWARDS = np.array([0.0, 1.0])
 ASLANT = 0.05  # across the grain, of the way up of a quarter of a ring
@@ -63,7 +51,7 @@ class _Top:
     """What a garment's pieces say of it as a top."""
 
     is_one: bool  # it has pieces that only tops have
-    has_yoke: bool
+    yoked: frozenset[str]  # of "front" and "back" those that begin below a yoke
     has_bodice: bool  # a front or back on the fold has armholes and a neck, as no leg has
 
 
@@ -171,7 +159,16 @@ def _top_of(kinds: Set[str], pieces: Sequence[Piece]) -> _Top:
     has_top = not kinds.isdisjoint(TOPS)
     whole = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is not None]
     has_bodice = any(concave_count(Shape(each.edges, upright(each.edges, "front"))) >= 2 for each in whole)
-    return _Top(has_top, "yoke" in kinds and has_top, has_bodice)
+    yokes = [piece for piece in pieces if piece.what.kind == "yoke" and _is_at_neck(piece)]
+    faces = {piece.what.face or "back" for piece in yokes}
+    faces |= {face for face, yoke in YOKE_OF.items() if yoke in kinds and has_top}
+    return _Top(has_top or bool(yokes), frozenset(faces), has_bodice)
+
+
+def _is_at_neck(yoke: Piece) -> bool:
+    """Whether a yoke is of a top, with a neck and shoulders, and not of trousers or a skirt."""
+    shape = Shape(yoke.edges, upright(yoke.edges, "yoke"))
+    return len(shape.order) >= 3 and bool(yoke_roles(shape, yoke.mirror is not None))
 
 
 def _unique(pieces: Sequence[Piece], notes: list[str]) -> list[Piece]:
@@ -250,6 +247,8 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
         kind = f"side_{kind}"
     elif piece.what.panel == UNDER_SLEEVE:
         kind = "under_sleeve"
+    elif kind == "yoke" and piece.what.face == "front" and _is_at_neck(piece):
+        kind = "front_yoke"
     elif kind in ("front", "back") and kind not in panelled:
         kind = kind if top.is_one else _worn_on(piece, kind, top.has_bodice)
     elif kind == "leg" and _is_whole_leg(piece):
@@ -275,12 +274,12 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
     part = Part(piece.name, edges, tuple(range(len(edges))), mirror, piece.notches @ turn, lines,
                 kind, side, up, {}, sure, holes, darts)  # fmt: skip
     shape = part.shape
-    roles = _roles(kind, shape, mirror is not None, kind in panelled, top.has_yoke)
+    roles = roles_of(kind, shape, mirror is not None, kind in panelled, kind in top.yoked)
     if ring is not None:
         roles = ring.roles
     elif is_half:
         roles = half_skirt_roles(shape) or roles
-    return replace(part, roles=roles, side=side or _side(kind, shape, roles, mirror is not None))
+    return replace(part, roles=roles, side=side or side_of(kind, shape, roles, mirror is not None))
 
 
 def _worn_on(piece: Piece, face: str, has_bodice: bool) -> str:
@@ -305,53 +304,6 @@ def _is_whole_leg(piece: Piece) -> bool:
     roles = pants_roles(shape)
     crotches = [roles.get(f"crotch{mark}", ()) for mark in "+-"]
     return all(any(shape.is_concave(k) for k in run) for run in crotches)
-
-
-def _roles(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yoke: bool) -> Roles:
-    if len(shape.order) < 3:
-        return {}
-    if kind == "yoke":
-        return yoke_roles(shape, whole)
-    if kind == "back" and has_yoke and (below := yoked_back_roles(shape, whole)):
-        return below
-    if kind in ("front", "back") and not whole and not has_side_panels and (legged := legged_roles(shape)):
-        return legged
-    if kind in ("front", "back"):
-        return bodice_roles(shape, whole, middle_side if has_side_panels else arm_side)
-    if kind in ("side_front", "side_back"):
-        return side_panel_roles(shape)
-    if kind in ("leg_front", "leg_back"):
-        return leg_roles(shape)
-    if kind == "leg":
-        return pants_roles(shape)
-    if kind in ("sleeve", "under_sleeve"):
-        return sleeve_roles(shape)
-    if kind == "hood":  # or the strip between its halves
-        return strip_roles(shape) if whole and is_strip(shape) else hood_roles(shape)
-    if kind.removeprefix("side_") in ("skirt_front", "skirt_back", "gore"):
-        return skirt_roles(shape)
-    if kind in STRIPS and is_strip(shape) and (found := strip_roles(shape)):
-        return found
-    return collar_roles(shape) if kind in COLLARS else {}
-
-
-def _side(kind: str, shape: Shape, roles: Roles, whole: bool) -> int:
-    """The wearer's side of a half piece by where its middle is: a front's +x is the wearer's left, a back's right."""
-    if whole:
-        return BOTH
-    faced = -1 if kind in ("back", "leg_back", "skirt_back", "side_back", "yoke") else 1
-    if (kind in ("front", "back", "yoke", *SKIRTS) and "centre" in roles) or (
-        kind in ("side_front", "side_back") and "princess" in roles
-    ):
-        outer = ("side+", "armhole+", "shoulder+", "princess+")
-        return faced * (LEFT if any(role in roles for role in outer) else RIGHT)
-    if kind in ("leg_front", "leg_back"):
-        return faced * LEFT if "inner-" in roles else faced * RIGHT if "inner+" in roles else BOTH
-    if kind == "leg" and "crotch+" in roles:  # its back is cut out farther; at +x on the wearer's left
-        return LEFT if shape.length(roles["crotch+"]) > shape.length(roles["crotch-"]) else RIGHT
-    if kind == "hood":  # seen from outside, the face is towards +x on the wearer's right
-        return RIGHT if "face+" in roles else LEFT if "face-" in roles else BOTH
-    return BOTH
 
 
 def _mirrored(part: Part, drawn: bool) -> Part:

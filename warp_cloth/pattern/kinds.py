@@ -76,6 +76,7 @@ PLACES: dict[str, tuple[str, int]] = {
     "side_skirt_front": ("side_skirt_front", BOTH),
     "side_skirt_back": ("side_skirt_back", BOTH),
     "yoke": ("yoke", BOTH),
+    "front_yoke": ("front_yoke", BOTH),
     "hood": ("hood", BOTH),
     "left_hood": ("hood", LEFT),
     "right_hood": ("hood", RIGHT),
@@ -104,6 +105,11 @@ PAIRED = (
 )  # cut twice where no number is stated
 
 
+SKIRTS = ("skirt_front", "skirt_back")
+COLLARS = ("collar", "stand", "fall")
+STRIPS = (*COLLARS, "cuff", "waistband", "hem_band")
+YOKE_OF = {"front": "front_yoke", "back": "yoke"}  # the yoke at the top of each
+YOKES = tuple(YOKE_OF.values())
 SIDE_PANEL, UNDER_SLEEVE = "side", "under"
 # Letters with no accent to take off
 LETTERS = str.maketrans({"ł": "l", "ø": "o", "đ": "d", "ı": "i", "ß": "ss", "æ": "ae", "œ": "oe"})
@@ -117,7 +123,7 @@ class Named:
     kind: str = ""
     side: int = BOTH
     panel: str = ""  # SIDE_PANEL of a front or back, UNDER_SLEEVE of a sleeve
-    face: str = ""  # of another kind than these, that it is in "front" or "back"
+    face: str = ""  # "front" or "back", of a piece of another kind: a yoke's
     sure: float = 0.97  # of the kind
     is_facing: bool = False  # by its shape it faces another piece, and is left out
 

@@ -16,12 +16,12 @@ import numpy as np
 from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Curve, Floats
-from warp_cloth.pattern.draft import STRIPS, Part, parts_as_drawn
+from warp_cloth.pattern.draft import Part, parts_as_drawn
 from warp_cloth.pattern.figure import Figure, figure_of
 from warp_cloth.pattern.half_sleeves import half_sleeves
 from warp_cloth.pattern.handles import handle_count
 from warp_cloth.pattern.joints import Joint
-from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, Named, named_all, plain
+from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, STRIPS, Named, named_all, plain
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import halved
 from warp_cloth.pattern.placing import wraps_of

@@ -11,7 +11,7 @@ import numpy as np
 from warp_cloth.pattern.band_rings import ring_of
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.draft import Part
-from warp_cloth.pattern.kinds import named
+from warp_cloth.pattern.kinds import YOKES, named
 from warp_cloth.pattern.runs import length_of, parts_of_kind
 from warp_cloth.pattern.specification import short
 
@@ -24,7 +24,7 @@ def with_single_layers(parts: Sequence[Part]) -> tuple[tuple[Part, ...], list[st
     """The parts with one layer of each waistband, band at the hem, cuff and yoke; and notes on those left out."""
     gone: set[int] = set()
     notes = []
-    for kind in (*BANDS, "yoke"):
+    for kind in (*BANDS, *YOKES):
         firsts = [each for each in parts_of_kind(parts, kind) if (parts[each].twin or len(parts)) > each]
         for one, other in combinations(firsts, 2):
             if gone.isdisjoint((one, other)) and _are_layers(parts, one, other):
@@ -50,7 +50,7 @@ def _are_layers(parts: Sequence[Part], one: int, other: int) -> bool:
     sizes = _sizes(a), _sizes(b)
     if not (np.abs(sizes[0] - sizes[1]) <= ALIKE * np.maximum(*sizes)).all():
         return False
-    if a.kind == "yoke":
+    if a.kind in YOKES:
         return True
     ring = length_of(parts, ring_of(parts, one))
     return ring > 0.0 and "long" in a.roles and a.shape.length(a.roles["long"]) > WHOLE * ring

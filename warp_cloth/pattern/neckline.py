@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from warp_cloth.pattern.draft import Part
-from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
+from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, YOKE_OF
 from warp_cloth.pattern.runs import parts_of_kind, run_of, side_mark
 from warp_cloth.pattern.sleeves import is_raglan, sleeve_side
 from warp_cloth.pattern.specification import Side
@@ -15,7 +15,7 @@ def half_neck(parts: Sequence[Part], side: int) -> tuple[Side, ...]:
     """Half of the neckline, in the order in which a hood or collar on that side meets it against its direction."""
     halves = {}
     for kind in ("front", "back"):
-        for panel in parts_of_kind(parts, *((kind, "yoke") if kind == "back" else (kind,))):
+        for panel in parts_of_kind(parts, kind, YOKE_OF[kind]):
             part = parts[panel]
             if part.side not in (BOTH, side):
                 continue

@@ -81,7 +81,7 @@ def _fork(shape: Shape, path: Sequence[int], sign: float) -> int | None:
 
 
 def yoke_roles(shape: Shape, whole: bool) -> Roles:
-    """Of a back's yoke: hem, neck; shoulder and armhole at "+" and "-"; of a half also centre, with one side."""
+    """Of a yoke at the neck: hem, neck; shoulder and armhole at "+" and "-"; of a half also centre, with one side."""
     roles = bodice_roles(shape, whole, _yoke_side)
     marks = [mark for mark in "+-" if roles.get(f"shoulder{mark}") and roles.get(f"armhole{mark}")]
     hollow = any(shape.is_concave(k) for k in roles.get("neck", ()))
@@ -94,8 +94,8 @@ def _yoke_side(shape: Shape, up: Sequence[int], mark: str) -> Roles:
     return {f"armhole{mark}": tuple(up[:-1])[as_loop], f"shoulder{mark}": tuple(up[-1:])}
 
 
-def yoked_back_roles(shape: Shape, whole: bool) -> Roles:
-    """Of a back below a yoke: hem, top; side and armhole at "+" and "-"; of a half also centre, with one side."""
+def yoked_roles(shape: Shape, whole: bool) -> Roles:
+    """Of a front or back below a yoke: hem, top; side and armhole at "+" and "-"; a half also has a centre."""
     (hem_first, hem_end), (top_first, top_end) = ends_of(shape)
     roles: Roles = {"hem": shape.run(hem_first, hem_end), "top": shape.run(top_first, top_end)}
     for mark, path in (("+", shape.run(hem_end, top_first)), ("-", shape.run(top_end, hem_first))):

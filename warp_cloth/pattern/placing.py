@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.draft import STRIPS, Part
+from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.figure import UP, Figure
 from warp_cloth.pattern.joints import Joint
-from warp_cloth.pattern.kinds import BOTH, LEFT
+from warp_cloth.pattern.kinds import BOTH, LEFT, STRIPS, YOKE_OF
 from warp_cloth.pattern.levels import LEVELS, WHOLE_TURN, repeated, spans
 from warp_cloth.pattern.placing_bands import band
 from warp_cloth.pattern.placing_gores import cone, gore
@@ -56,9 +56,10 @@ def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> 
 def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Laid | None:
     part = parts[index]
     by_kind: dict[str, Callable[[], Laid | None]] = {
-        "front": lambda: _bodice(part, figure, True, _side_panel_width(parts, index)),
+        "front": lambda: _bodice(part, figure, True, _side_panel_width(parts, index), _below_yoke(parts, index)),
         "back": lambda: _bodice(part, figure, False, _side_panel_width(parts, index), _below_yoke(parts, index)),
         "yoke": lambda: _trunk(part, figure, False) if part.roles else None,
+        "front_yoke": lambda: _trunk(part, figure, True) if part.roles else None,
         "side_front": lambda: _side_panel(parts, index, figure, True),
         "side_back": lambda: _side_panel(parts, index, figure, False),
         "skirt_front": lambda: _skirt(parts, index, figure, True),
@@ -107,10 +108,11 @@ def _side_panel_width(parts: Sequence[Part], index: int) -> float:
 
 
 def _below_yoke(parts: Sequence[Part], index: int) -> float:
-    """How far below its neck a back begins [m]: where its yoke ends."""
+    """How far below its neck a front or back begins [m]: where its yoke ends."""
     if "top" not in parts[index].roles:
         return 0.0
-    heights = [float(np.ptp(part.shape.box, axis=0)[1]) for part in parts if part.kind == "yoke" and part.roles]
+    yoke = YOKE_OF[parts[index].kind]
+    heights = [float(np.ptp(part.shape.box, axis=0)[1]) for part in parts if part.kind == yoke and part.roles]
     return max(heights, default=0.0)
 
 

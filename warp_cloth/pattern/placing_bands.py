@@ -9,10 +9,10 @@ import numpy as np
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.pattern.collars import FALL, STAND
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.draft import COLLARS, Part
+from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.figure import UP, Figure
 from warp_cloth.pattern.joints import Joint
-from warp_cloth.pattern.kinds import LEFT, RIGHT
+from warp_cloth.pattern.kinds import COLLARS, LEFT, RIGHT
 from warp_cloth.pattern.levels import WHOLE_TURN, repeated
 from warp_cloth.pattern.placing_sleeves import FROM_ARMPIT, along_limb, around_arm, shortened, underarm
 from warp_cloth.pattern.specification import Side

@@ -10,6 +10,7 @@ import numpy as np
 
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.kinds import YOKES
 
 LEVEL = 1.2  # |dx| over |dy| above which an edge runs across
 CONCAVE = (4e-3, 0.04)  # [m] and of the chord: how far an edge bows inwards that is cut out for neck, arm or crotch
@@ -120,7 +121,7 @@ def upright(edges: tuple[Chain, ...], kind: str) -> Floats:
     shape = Shape(edges, np.array([0.0, 1.0]))
     low, high = shape.box
     height = float(high[1] - low[1])
-    if kind in ("front", "back", "side_front", "side_back", "leg_front", "leg_back", "leg", "yoke"):
+    if kind in ("front", "back", "side_front", "side_back", "leg_front", "leg_back", "leg", *YOKES):
         hollow = [k for k in shape.order if shape.is_concave(k)]
         weights = [-shape.bow(k) / max(shape.edges[k].chord, 1e-9) for k in hollow]  # a waist is long, and less hollow
         rise = sum(w * (shape.middle(k)[1] - low[1]) for w, k in zip(weights, hollow, strict=True))

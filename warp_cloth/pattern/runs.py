@@ -8,12 +8,14 @@ import numpy as np
 
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint, notch_fractions
-from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
+from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, YOKE_OF
 from warp_cloth.pattern.specification import Side
 
 PLAIN_EASE = (-0.02, 0.02)  # longer side over shorter, less 1: as drafted
 DOUBTED = 0.7  # factor on the confidence of a seam that has a rival, or that another piece may belong into
 NOTCH_NEAR = 6e-3  # [m] between notches that belong together
+
+FRONTS = ("front", "front_yoke", "skirt_front", "side_front", "side_skirt_front")
 
 Run = tuple[int, ...]
 
@@ -69,7 +71,7 @@ def parts_of_kind(parts: Sequence[Part], *kinds: str) -> list[int]:
 
 def side_mark(part: Part, side: int) -> str:
     """The side of a whole piece's own frame that is on this side of the wearer: a back is seen from behind."""
-    high = side == LEFT if part.kind in ("front", "skirt_front", "side_front", "side_skirt_front") else side == RIGHT
+    high = side == LEFT if part.kind in FRONTS else side == RIGHT
     return "+" if high else "-"
 
 
@@ -99,11 +101,11 @@ def face_run(
 ) -> tuple[Side, ...]:
     """The edges of a role on one side of a front or back of one or several panels, as the loop runs or against it.
 
-    A back goes on in its yoke, if there is one.
+    It goes on in its yoke, if there is one.
     """
     runs = [run_of(panel, role_of(parts, panel, role, side)) for panel in face]
-    if parts[face[0]].kind == "back" and "top" in parts[face[0]].roles:
-        yokes = parts_of_kind(parts, "yoke") if role in ("armhole", "shoulder") else []
+    if "top" in parts[face[0]].roles and parts[face[0]].side in (BOTH, side):
+        yokes = parts_of_kind(parts, YOKE_OF[parts[face[0]].kind]) if role in ("armhole", "shoulder") else []
         runs = [*(run for yoke in yokes if (run := run_of(yoke, role_of(parts, yoke, role, side)))), *runs]
     if side_mark(parts[face[0]], side) == "+":  # there the loop runs up the side to the neck
         runs = runs[::-1]
