@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from warp_cloth.pattern.draft import Part
-from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
+from warp_cloth.pattern.kinds import BOTH, HALF_SLEEVES, LEFT, RIGHT
 from warp_cloth.pattern.leg_yokes import leg_run
 from warp_cloth.pattern.neckline import neck_from_back, opens_in_front
 from warp_cloth.pattern.runs import parts_of_kind, run_of
-from warp_cloth.pattern.sleeves import sleeve_side, under_sleeve_of
+from warp_cloth.pattern.sleeves import half_sleeves, sleeve_side, under_sleeve_of
 from warp_cloth.pattern.specification import Side
 
 
@@ -25,6 +25,9 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
                 under = under_sleeve_of(parts, sleeve)
                 both = (sleeve,) if under is None else (sleeve, under[0])
                 return tuple(each for one in both for each in run_of(one, parts[one].roles.get("hem", ()), True))
+        faces = HALF_SLEEVES[::-1] if side == LEFT else HALF_SLEEVES
+        if halves := [half for face in faces for half in half_sleeves(parts, face, side)]:
+            return tuple(each for one in halves for each in run_of(one, parts[one].roles.get("hem", ()), True))
         for leg in parts_of_kind(parts, "leg"):
             if parts[leg].side == side:
                 return run_of(leg, parts[leg].roles.get("hem", ()), True)

@@ -16,6 +16,7 @@ from warp_cloth.pattern.drawn_darts import turned
 from warp_cloth.pattern.kinds import (
     BOTH,
     COLLARS,
+    HALF_SLEEVES,
     PAIRED,
     PLACES,
     SIDE_PANEL,
@@ -37,7 +38,7 @@ from warp_cloth.pattern.round_skirts import ring_of
 from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
-TOPS = ("sleeve", *COLLARS, "hood")
+TOPS = ("sleeve", *HALF_SLEEVES, *COLLARS, "hood")
 SINGLE = ("front", "back", "collar", "waistband", "hem_band", *YOKES, *SKIRTS)
 MIRROR = np.diag([-1.0, 1.0])
 UPWARDS = np.array([0.0, 1.0])
@@ -102,7 +103,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
     parts: list[Part] = []
     left_out = [piece for piece in pieces if stated.get(piece.name, Stated()).place == "none"]
     told, notes = _identified([piece for piece in pieces if piece not in left_out])
-    told, closed = without_pocket_openings(told)
+    told, closed = without_pocket_openings(_with_half_sleeves(told))
     notes += closed
     pieces = [*told, *left_out]
     panelled = _panelled(pieces, stated)
@@ -153,6 +154,18 @@ def _identified(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
     known, by_seams = with_middles(pieces)
     known, by_shapes = told_by_shape(known)
     return known, [*by_seams, *by_shapes]
+
+
+def _with_half_sleeves(pieces: Sequence[Piece]) -> list[Piece]:
+    """The pieces, sleeves made halves where names put some in front and some behind, and all others of none."""
+    faces = [piece.what.face for piece in pieces if piece.what.kind == "sleeve" and not piece.what.panel]
+    if {*faces} != {"front", "back"}:
+        return list(pieces)
+    halves = {face: f"{face}_sleeve" for face in faces}
+    return [
+        replace(piece, what=replace(piece.what, kind=halves[piece.what.face])) if piece.what.kind == "sleeve" else piece
+        for piece in pieces
+    ]
 
 
 def _top_of(kinds: Set[str], pieces: Sequence[Piece]) -> _Top:

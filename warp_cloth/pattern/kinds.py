@@ -61,6 +61,12 @@ PLACES: dict[str, tuple[str, int]] = {
     "under_sleeve": ("under_sleeve", BOTH),
     "left_under_sleeve": ("under_sleeve", LEFT),
     "right_under_sleeve": ("under_sleeve", RIGHT),
+    "front_sleeve": ("front_sleeve", BOTH),
+    "left_front_sleeve": ("front_sleeve", LEFT),
+    "right_front_sleeve": ("front_sleeve", RIGHT),
+    "back_sleeve": ("back_sleeve", BOTH),
+    "left_back_sleeve": ("back_sleeve", LEFT),
+    "right_back_sleeve": ("back_sleeve", RIGHT),
     "leg_front": ("leg_front", BOTH),
     "left_leg_front": ("leg_front", LEFT),
     "right_leg_front": ("leg_front", RIGHT),
@@ -90,9 +96,16 @@ PLACES: dict[str, tuple[str, int]] = {
     "right_cuff": ("cuff", RIGHT),
     "none": ("none", BOTH),
 }
+SKIRTS = ("skirt_front", "skirt_back")
+COLLARS = ("collar", "stand", "fall")
+STRIPS = (*COLLARS, "cuff", "waistband", "hem_band")
+YOKE_OF = {"front": "front_yoke", "back": "yoke"}  # the yoke at the top of each
+YOKES = tuple(YOKE_OF.values())
+HALF_SLEEVES = ("front_sleeve", "back_sleeve")  # of one parted along the arm, at its top and beneath
 PAIRED = (
     "sleeve",
     "under_sleeve",
+    *HALF_SLEEVES,
     "leg",
     "leg_front",
     "leg_back",
@@ -105,11 +118,6 @@ PAIRED = (
 )  # cut twice where no number is stated
 
 
-SKIRTS = ("skirt_front", "skirt_back")
-COLLARS = ("collar", "stand", "fall")
-STRIPS = (*COLLARS, "cuff", "waistband", "hem_band")
-YOKE_OF = {"front": "front_yoke", "back": "yoke"}  # the yoke at the top of each
-YOKES = tuple(YOKE_OF.values())
 SIDE_PANEL, UNDER_SLEEVE = "side", "under"
 # Letters with no accent to take off
 LETTERS = str.maketrans({"ł": "l", "ø": "o", "đ": "d", "ı": "i", "ß": "ss", "æ": "ae", "œ": "oe"})

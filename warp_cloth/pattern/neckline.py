@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, YOKE_OF
 from warp_cloth.pattern.runs import parts_of_kind, run_of, side_mark
-from warp_cloth.pattern.sleeves import is_raglan, sleeve_side
+from warp_cloth.pattern.sleeves import half_sleeves, is_raglan, sleeve_side
 from warp_cloth.pattern.specification import Side
 
 
@@ -29,19 +29,17 @@ def half_neck(parts: Sequence[Part], side: int) -> tuple[Side, ...]:
                 halves[kind] = run_of(panel, neck, True)
     if len(halves) < 2:
         return ()
-    halves["sleeve"] = ()
-    if is_raglan(parts):
-        halves["sleeve"] = next(
-            (
-                run_of(sleeve, parts[sleeve].roles.get("neck", ()), True)
-                for sleeve in parts_of_kind(parts, "sleeve")
-                if sleeve_side(parts, sleeve) == side
-            ),
-            (),
-        )
     # a hood's neck runs counter-clockwise, seen from outside: on the wearer's left from the face back at -x to +x
     order = ("front", "back") if side == LEFT else ("back", "front")
-    return (*halves[order[0]], *halves["sleeve"], *halves[order[1]])
+    between = _sleeve_neck(parts, side, order) if is_raglan(parts) else ()
+    return (*halves[order[0]], *between, *halves[order[1]])
+
+
+def _sleeve_neck(parts: Sequence[Part], side: int, order: Sequence[str]) -> tuple[Side, ...]:
+    """The neck of a raglan sleeve, of one piece or of two halves; ``order``: of the faces that they are at."""
+    whole = [sleeve for sleeve in parts_of_kind(parts, "sleeve") if sleeve_side(parts, sleeve) == side]
+    halves = [half for face in order for half in half_sleeves(parts, f"{face}_sleeve", side)]
+    return tuple(each for one in whole[:1] or halves for each in run_of(one, parts[one].roles.get("neck", ()), True))
 
 
 def neck_from_back(parts: Sequence[Part]) -> tuple[Side, ...]:

@@ -16,6 +16,7 @@ PLUMB = 0.01  # across over along, of the middle of half a skirt
 LONG = 0.3  # of a skirt's height, that its middle runs straight at least
 # Of a front's or back's height, between which the fork of a leg in one with it is, and [m] by which it stands out
 FORK_AT, FORK_OUT = (0.05, 0.62), 0.02
+NECK_UP_TO = 0.12  # [m] of a raglan's neck, on half of a sleeve
 TO_NOTCH = 0.06  # of the top of an under sleeve, from its lowest point to the notch at the side seam
 
 
@@ -164,6 +165,28 @@ def _smooth_runs(shape: Shape, path: Sequence[int]) -> list[tuple[int, ...]]:
         else:
             runs.append((k,))
     return runs
+
+
+def half_sleeve_roles(shape: Shape) -> Roles:
+    """Of the front or back half of a sleeve: hem, under and over along the arm, and cap; of a raglan's also neck.
+
+    "inner+" or "inner-" tells on which side its seam beneath the arm is: the shorter one. What is between the hem and
+    the corner at the underarm is that seam, what goes on from there the cap; a raglan's ends at a short neck.
+    """
+    count = len(shape.edges)
+    (hem_first, hem_end), _ = ends_of(shape)
+    hem = shape.run(hem_first, hem_end)
+    runs = _smooth_runs(shape, shape.run(hem_end, hem_first))
+    if len(runs) < 3 or len(shape.order) < count:
+        return {}
+    mark = "+" if shape.length(runs[0]) < shape.length(runs[-1]) else "-"
+    under, cap, *others = runs if mark == "+" else runs[::-1]
+    is_raglan = len(others) > 1 and shape.length(others[0]) < NECK_UP_TO
+    neck, over = (others[0], others[1:]) if is_raglan else ((), others)
+    along = tuple(k for run in (over if mark == "+" else over[::-1]) for k in run)
+    return {"hem": hem, "under": under, "cap": cap, "over": along, f"inner{mark}": ()} | (
+        {"neck": neck} if neck else {}
+    )
 
 
 def parted_at_underarm(edges: tuple[Chain, ...], up: Floats, notches: Floats) -> tuple[Chain, ...]:

@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 from warp_cloth.pattern.bodices import arm_side, bodice_roles
-from warp_cloth.pattern.kinds import BOTH, COLLARS, LEFT, RIGHT, SKIRTS, STRIPS, YOKES
-from warp_cloth.pattern.panel_roles import legged_roles, middle_side, side_panel_roles, yoke_roles, yoked_roles
+from warp_cloth.pattern.kinds import BOTH, COLLARS, HALF_SLEEVES, LEFT, RIGHT, SKIRTS, STRIPS, YOKES
+from warp_cloth.pattern.panel_roles import (
+    half_sleeve_roles,
+    legged_roles,
+    middle_side,
+    side_panel_roles,
+    yoke_roles,
+    yoked_roles,
+)
 from warp_cloth.pattern.roles import (
     Roles,
     Shape,
@@ -47,6 +54,8 @@ def roles_of(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yo
         return pants_roles(shape)
     if kind in ("sleeve", "under_sleeve"):
         return sleeve_roles(shape)
+    if kind in HALF_SLEEVES:
+        return half_sleeve_roles(shape)
     if kind == "hood":  # or the strip between its halves
         return strip_roles(shape) if whole and is_strip(shape) else hood_roles(shape)
     if kind.removeprefix("side_") in ("skirt_front", "skirt_back", "gore"):
@@ -60,13 +69,13 @@ def side_of(kind: str, shape: Shape, roles: Roles, whole: bool) -> int:
     """The wearer's side of a half piece by where its middle is: a front's +x is the wearer's left, a back's right."""
     if whole:
         return BOTH
-    faced = -1 if kind in ("back", "leg_back", "skirt_back", "side_back", "yoke") else 1
+    faced = -1 if kind in ("back", "leg_back", "skirt_back", "side_back", "yoke", "back_sleeve") else 1
     if (kind in ("front", "back", *YOKES, *SKIRTS) and "centre" in roles) or (
         kind in ("side_front", "side_back") and "princess" in roles
     ):
         outer = ("side+", "armhole+", "shoulder+", "princess+")
         return faced * (LEFT if any(role in roles for role in outer) else RIGHT)
-    if kind in ("leg_front", "leg_back"):
+    if kind in ("leg_front", "leg_back", *HALF_SLEEVES):
         return faced * LEFT if "inner-" in roles else faced * RIGHT if "inner+" in roles else BOTH
     if kind == "leg" and "crotch+" in roles:  # its back is cut out farther; at +x on the wearer's left
         return LEFT if shape.length(roles["crotch+"]) > shape.length(roles["crotch-"]) else RIGHT

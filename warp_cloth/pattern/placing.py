@@ -16,7 +16,7 @@ from warp_cloth.pattern.kinds import BOTH, LEFT, STRIPS, YOKE_OF
 from warp_cloth.pattern.levels import LEVELS, WHOLE_TURN, repeated, spans
 from warp_cloth.pattern.placing_bands import band
 from warp_cloth.pattern.placing_gores import cone, gore
-from warp_cloth.pattern.placing_sleeves import sleeve, under_sleeve
+from warp_cloth.pattern.placing_sleeves import half_sleeve, sleeve, under_sleeve
 from warp_cloth.pattern.runs import faces_of, role_of
 from warp_cloth.pattern.specification import Side
 from warp_cloth.pattern.wrap import Laid, Wrap, flat_wrap
@@ -72,6 +72,8 @@ def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Laid | None:
         "leg": lambda: _whole_leg(part, figure),
         "sleeve": lambda: sleeve(parts, index, figure),
         "under_sleeve": lambda: under_sleeve(parts, index, figure),
+        "front_sleeve": lambda: half_sleeve(parts, index, figure),
+        "back_sleeve": lambda: half_sleeve(parts, index, figure),
         "hood": lambda: _hood(part, figure),
     }
     return by_kind[part.kind]() if part.kind in by_kind else None

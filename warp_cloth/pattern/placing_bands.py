@@ -14,7 +14,15 @@ from warp_cloth.pattern.figure import UP, Figure
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import COLLARS, LEFT, RIGHT
 from warp_cloth.pattern.levels import WHOLE_TURN, repeated
-from warp_cloth.pattern.placing_sleeves import FROM_ARMPIT, along_limb, around_arm, shortened, underarm
+from warp_cloth.pattern.placing_sleeves import (
+    FROM_ARMPIT,
+    SLEEVES,
+    along_limb,
+    around_arm,
+    shortened,
+    top_of_arm,
+    underarm,
+)
 from warp_cloth.pattern.specification import Side
 from warp_cloth.pattern.wrap import Laid, Wrap
 
@@ -170,12 +178,12 @@ def _cuff(
     """At the end of the sleeve, or of the leg where there are no sleeves."""
     part = parts[index]
     side = part.side or (RIGHT if part.twin is not None and part.twin < index else LEFT)
-    sleeves = [each for each in parts if each.kind == "sleeve"]
+    sleeves = [each for each in parts if each.kind in SLEEVES]
     curve = (figure.arms if sleeves else figure.legs)[1 if side == LEFT else 0]
     width = float(levels[1] - levels[0])
     share = shortened(parts, figure) if sleeves else 1.0
     reach = float(arc_lengths(curve)[-1]) - BESIDE_FOOT - width
     long = share * max(underarm(each) - float(each.shape.box[0][1]) for each in sleeves) if sleeves else reach
     origin, toward = along_limb(curve, np.array([long + share * width, long]) + FROM_ARMPIT)
-    across, outward = around_arm(figure, toward, side)
+    across, outward = around_arm(toward, top_of_arm(figure, side))
     return Wrap(along, levels, centre, np.full(2, bend), origin + outward / bend, across, outward)

@@ -10,11 +10,12 @@ from warp_cloth.base.curves import arc_lengths
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.figure import UP, Figure
-from warp_cloth.pattern.kinds import LEFT
+from warp_cloth.pattern.kinds import BOTH, HALF_SLEEVES, LEFT
 from warp_cloth.pattern.levels import WHOLE_TURN, spans
 from warp_cloth.pattern.sleeves import sleeve_side, under_sleeve_of
 from warp_cloth.pattern.wrap import Wrap
 
+SLEEVES = ("sleeve", *HALF_SLEEVES)
 FROM_ARMPIT = 0.015  # [m] from where the arm leaves the trunk to a sleeve's underarm point
 # [m] of a sleeve's underarm, from which the end of a shorter one starts as far out: it would be drawn into the bodice
 # with its cap, which is longer than all else of it, before that is sewn in
@@ -24,7 +25,8 @@ OUTSIDE = 0.16
 def sleeve(parts: Sequence[Part], index: int, figure: Figure) -> Wrap:
     under = under_sleeve_of(parts, index)
     share = 1.0 if under is None else _share(parts[index], parts[under[0]])
-    return _round_arm(parts, index, figure, sleeve_side(parts, index), share, 1.0)
+    side = sleeve_side(parts, index)
+    return _round_arm(parts, index, figure, side, share, top_of_arm(figure, side))
 
 
 def under_sleeve(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
@@ -32,8 +34,18 @@ def under_sleeve(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | No
         under = under_sleeve_of(parts, sleeve)
         if under is not None and under[0] == index:
             share = 1.0 - _share(parts[sleeve], parts[index])
-            return _round_arm(parts, index, figure, sleeve_side(parts, sleeve), share, -1.0)
+            side = sleeve_side(parts, sleeve)
+            return _round_arm(parts, index, figure, side, share, -top_of_arm(figure, side))
     return None
+
+
+def half_sleeve(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | None:
+    """Round the front or the back of the arm."""
+    part = parts[index]
+    if part.side == BOTH or not part.roles:
+        return None
+    face = figure.forward if part.kind == "front_sleeve" else -figure.forward
+    return _round_arm(parts, index, figure, part.side, 0.5, face)
 
 
 def _share(upper: Part, under: Part) -> float:
@@ -42,8 +54,8 @@ def _share(upper: Part, under: Part) -> float:
     return float(np.clip(widths[0] / max(sum(widths), 1e-6), 0.2, 0.8))
 
 
-def _round_arm(parts: Sequence[Part], index: int, figure: Figure, side: int, share: float, facing: float) -> Wrap:
-    """Round a share of the arm, from its top (``facing`` 1) or from below (-1)."""
+def _round_arm(parts: Sequence[Part], index: int, figure: Figure, side: int, share: float, face: Floats) -> Wrap:
+    """Round a share of the arm, its middle on the side that ``face`` points to."""
     part = parts[index]
     under = underarm(part)
     levels, least, most = spans(part, under)
@@ -54,7 +66,7 @@ def _round_arm(parts: Sequence[Part], index: int, figure: Figure, side: int, sha
     distance = (under - levels) * np.where(levels < under, shortened(parts, figure), 1.0)
     farther = max(OUTSIDE - (under - float(levels[0])), 0.0)
     origin, toward = along_limb(figure.arms[1 if side == LEFT else 0], distance + FROM_ARMPIT + farther)
-    across, outward = (facing * each for each in around_arm(figure, toward, side))
+    across, outward = around_arm(toward, face)
     bend = share * WHOLE_TURN / np.maximum(width, 0.04)
     return Wrap(part.up, levels, centre, bend, origin + outward / bend[:, None], across, outward)
 
@@ -67,17 +79,26 @@ def underarm(part: Part) -> float:
 
 def shortened(parts: Sequence[Part], figure: Figure) -> float:
     """How much shorter sleeves and cuffs start than they are, so that they end above the hand."""
-    long = max((underarm(each) - float(each.shape.box[0][1]) for each in parts if each.kind == "sleeve"), default=0.0)
+    long = max((underarm(each) - float(each.shape.box[0][1]) for each in parts if each.kind in SLEEVES), default=0.0)
     cuff = max(
         (float(min(each.shape.box[1] - each.shape.box[0])) for each in parts if each.kind == "cuff"), default=0.0
     )
     return min(1.0, (figure.to_wrist - FROM_ARMPIT) / max(long + cuff, 1e-3))
 
 
-def around_arm(figure: Figure, toward: Floats, side: int) -> tuple[Floats, Floats]:
-    """Directions across a sleeve, seen from outside, and outwards, at the top of the arm; shape [L, 3] each."""
-    top = UP + side * figure.left
-    outward = top - toward * (toward @ top)[:, None]
+def top_of_arm(figure: Figure, side: int) -> Floats:
+    """Which way the top of an arm faces, as it is held aside."""
+    return UP + side * figure.left
+
+
+def around_arm(toward: Floats, face: Floats) -> tuple[Floats, Floats]:
+    """Directions across a sleeve, seen from outside, and outwards, where ``face`` points; shape [L, 3] each.
+
+    Args:
+        toward: along the arm, shape [L, 3].
+        face: shape [3].
+    """
+    outward = face - toward * (toward @ face)[:, None]
     outward /= np.linalg.norm(outward, axis=1)[:, None]
     return np.cross(-toward, outward), outward
 

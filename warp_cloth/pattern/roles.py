@@ -132,7 +132,7 @@ def upright(edges: tuple[Chain, ...], kind: str) -> Floats:
     elif kind in ("sleeve", "under_sleeve") and (ends := [k for k in shape.order if _is_bowed_end(shape, k)]):
         most = max(ends, key=lambda k: abs(shape.bow(k)))  # the cap, or the top of an under sleeve
         above = float(shape.middle(most)[1] - low[1]) / height - 0.5
-    elif kind in ("sleeve", "under_sleeve", "skirt") or kind.endswith(("skirt_front", "skirt_back", "gore")):
+    elif kind == "skirt" or kind.endswith(("sleeve", "skirt_front", "skirt_back", "gore")):
         above = (shape.width(0.04) - shape.width(0.96)) / max(shape.width(0.5), 1e-6)
     else:
         above = 0.0

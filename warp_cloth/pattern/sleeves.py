@@ -1,17 +1,19 @@
-"""Seams proposed for sleeves: of one piece or two, set in or raglan."""
+"""Seams proposed for sleeves: of one piece or two, upper and under or front and back, set in or raglan."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import product
 
 import numpy as np
 
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint
-from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
+from warp_cloth.pattern.kinds import BOTH, HALF_SLEEVES, LEFT, RIGHT
 from warp_cloth.pattern.runs import face_run, faces_of, joint_of, parts_of_kind, run_of
 from warp_cloth.pattern.specification import Side
 
+CAP_EASE, RAGLAN_EASE = (-0.01, 0.12), (-0.03, 0.05)
 SURELY_APART = 0.02  # relative: by which one under sleeve fits better than the next
 DOUBTFUL = 0.7  # factor on the confidence where it does not
 HOLLOW = 5e-3  # [m] by which the front seam of an upper sleeve bows farther in than the back one
@@ -44,9 +46,30 @@ def proposed_sleeves(parts: Sequence[Part]) -> Iterable[Joint]:
                 runs = back_run, front_run
                 for mark, run in zip("+-" if side == LEFT else "-+", runs, strict=True):
                     own = run_of(sleeve, part.roles.get(f"raglan{mark}", ()))
-                    yield from joint_of(parts, own, run, "raglan", (-0.03, 0.05))
+                    yield from joint_of(parts, own, run, "raglan", RAGLAN_EASE)
                 continue
-            yield from joint_of(parts, cap, others, "sleeve cap", (-0.01, 0.12))
+            yield from joint_of(parts, cap, others, "sleeve cap", CAP_EASE)
+    for side in (LEFT, RIGHT):
+        yield from _halves(parts, side, holes[side])
+
+
+def _halves(
+    parts: Sequence[Part], side: int, holes: Sequence[tuple[tuple[Side, ...], tuple[Side, ...]]]
+) -> Iterable[Joint]:
+    """The seams of a sleeve of a front and a back half: along the arm, and each to its own side of the armhole."""
+    for front, back in product(*(half_sleeves(parts, kind, side) for kind in HALF_SLEEVES)):
+        for role, reason in (("over", "overarm"), ("under", "underarm")):
+            one, other = (run_of(half, parts[half].roles.get(role, ())) for half in (front, back))
+            yield from joint_of(parts, one, other[::-1], reason, (-0.03, 0.03))
+        reason, ease = ("raglan", RAGLAN_EASE) if is_raglan(parts) else ("sleeve cap", CAP_EASE)
+        for front_run, back_run in holes:
+            for half, run in ((front, front_run), (back, back_run)):
+                yield from joint_of(parts, run_of(half, parts[half].roles.get("cap", ())), run, reason, ease)
+
+
+def half_sleeves(parts: Sequence[Part], kind: str, side: int) -> list[int]:
+    """The front, or back, halves of the sleeve on this side."""
+    return [half for half in parts_of_kind(parts, kind) if parts[half].side == side]
 
 
 def under_sleeve_of(parts: Sequence[Part], sleeve: int) -> tuple[int, float] | None:
@@ -100,7 +123,8 @@ def is_raglan(parts: Sequence[Part]) -> bool:
     """Whether fronts and backs have armholes that run up to the neck, and sleeves that fill the rest of it."""
     bodices = [parts[index] for index in parts_of_kind(parts, "front", "back")]
     shoulders = any(role.startswith("shoulder") for part in bodices for role in part.roles)
-    return bool(bodices) and not shoulders and any("raglan+" in part.roles for part in parts)
+    has_neck = any("raglan+" in part.roles or (part.kind in HALF_SLEEVES and "neck" in part.roles) for part in parts)
+    return bool(bodices) and not shoulders and has_neck
 
 
 def sleeve_side(parts: Sequence[Part], sleeve: int) -> int:

@@ -30,7 +30,8 @@ Place = Literal[
     "under_sleeve", "left_under_sleeve", "right_under_sleeve", "leg_front", "left_leg_front", "right_leg_front",
     "leg_back", "left_leg_back", "right_leg_back", "leg", "left_leg", "right_leg", "skirt_front", "skirt_back", "hood",
     "left_hood", "right_hood", "yoke", "collar", "waistband", "hem_band", "cuff", "left_cuff", "right_cuff", "none",
-    "side_skirt_front", "side_skirt_back", "gore", "stand", "fall", "front_yoke",
+    "side_skirt_front", "side_skirt_back", "gore", "stand", "fall", "front_yoke", "front_sleeve",
+    "left_front_sleeve", "right_front_sleeve", "back_sleeve", "left_back_sleeve", "right_back_sleeve",
 ]  # fmt: skip
 Copies = Annotated[Integer, Field(ge=0, le=50)]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]
@@ -82,9 +83,7 @@ class SeamSpec(Table):
     sew: tuple[str, ...] = Field(
         description='Its 2 to 8 sides, each "PIECE EDGE" or several joined by +: ["SLEEVE 2", "BACK 3 + FRONT 5"].',
     )
-    right_to_wrong: bool = Field(
-        default=False, description="Whether the right side of one is sewn to the wrong side of the other."
-    )
+    right_to_wrong: bool = Field(default=False, description="Whether right side is sewn to wrong side.")
 
     @field_validator("sew", mode="after")
     @classmethod
@@ -97,11 +96,11 @@ class SeamSpec(Table):
 class PieceSpec(Table):
     """A piece of a DXF pattern: what it covers, and how often it is cut."""
 
-    name: str = Field(min_length=1, description="The piece's name in the file.")
+    name: str = Field(min_length=1, description="Its name in the file.")
     place: Place | None = Field(default=None, description="What it covers; else by name and shape.")
     copies: tuple[Copies, Copies] | None = Field(
         default=None,
-        description="How often it is cut as drawn, and mirrored: [1, 1] is a pair, [6, 0] six gores; "
+        description="How often it is cut as drawn, and mirrored: [1, 1] a pair, [6, 0] six gores; "
         "by default as stated.",
     )
     darts: bool = Field(default=True, description="Whether a V or diamond of inner lines is a dart.")
