@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from warp_cloth.pattern.bodices import arm_side, bodice_roles
 from warp_cloth.pattern.kinds import BOTH, COLLARS, HALF_SLEEVES, LEFT, RIGHT, SKIRTS, STRIPS, YOKES
+from warp_cloth.pattern.leg_openings import with_leg_openings
 from warp_cloth.pattern.panel_roles import (
     half_sleeve_roles,
     legged_roles,
@@ -45,7 +46,8 @@ def roles_of(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yo
     if kind in ("front", "back") and not whole and not has_side_panels and (legged := legged_roles(shape)):
         return legged
     if kind in ("front", "back"):
-        return bodice_roles(shape, whole, middle_side if has_side_panels else arm_side)
+        roles = bodice_roles(shape, whole, middle_side if has_side_panels else arm_side)
+        return with_leg_openings(shape, roles, whole)
     if kind in ("side_front", "side_back"):
         return side_panel_roles(shape)
     if kind in ("leg_front", "leg_back"):

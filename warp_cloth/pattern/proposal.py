@@ -119,6 +119,10 @@ def _bodices(parts: Sequence[Part]) -> Iterable[Joint]:
                             yield from joint_of(parts, *pair, role, ease)
                     else:
                         yield from joint_of(parts, one, other, role, ease)
+            if parts[front[0]].side == parts[back[0]].side:  # of bodysuits
+                crotches = (parts[face[0]].roles.get("crotch", ()) for face in (front, back))
+                one, other = (run_of(face[0], run) for face, run in zip((front, back), crotches, strict=True))
+                yield from joint_of(parts, one, other[::-1], "crotch", LEG_EASE)
     yield from _between_panels(parts, (*fronts, *backs))
     legged = [face[0] for face in fronts if "inseam" in parts[face[0]].roles]  # in one with a leg: closed to its fork
     yield from _centres(parts, legged, LEGGED_CENTRE, "centre front")
