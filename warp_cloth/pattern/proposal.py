@@ -27,6 +27,7 @@ from warp_cloth.pattern.runs import (
     face_run,
     faces_of,
     joint_of,
+    length_of,
     parts_of_kind,
     role_of,
     run_of,
@@ -42,6 +43,11 @@ FRONT_CENTRE = 0.5  # a front's two halves are as often closed by a zip, or left
 LEG_EASE = (-0.03, 0.03)
 SKIRT_FRONT_CENTRE = LEGGED_CENTRE = 0.9
 PRINCESS_EASE = (-0.04, 0.02)  # a side panel is eased over the bust
+BAND_EASE = (-0.4, 0.04)  # a band gathers what it goes round, or stretches
+GATHERED_WAIST_EASE = (-0.02, 1.0)  # of a skirt to a bodice
+# Of skirts as wide at the waist as at the hem, gathered to a third; how sure gathers are
+FULL_BAND_EASE, FULL_WAIST_EASE, FULL_SURE = (-0.68, 0.04), (-0.02, 2.1), 0.9
+UNSHAPED = 0.85  # waist over hem, of a skirt that is shaped by its gathers alone
 WAIST_EASE = (-0.05, 0.03)  # of trousers to a bodice, which blouses over them
 RIVAL = 0.05  # of confidence, by which the surest seam of an edge is to be surer than the next
 
@@ -228,7 +234,15 @@ def _skirts(parts: Sequence[Part]) -> Iterable[Joint]:
                 if parts[top].side == parts[skirt].side == BOTH:
                     waist = run_of(skirt, parts[skirt].roles.get("waist", ()))
                     hem = run_of(top, parts[top].roles.get("hem", ()), True)
-                    yield from joint_of(parts, waist, hem, "waist", (-0.02, 1.0), 0.9)
+                    ease = FULL_WAIST_EASE if _are_unshaped_skirts(parts, waist) else GATHERED_WAIST_EASE
+                    yield from joint_of(parts, waist, hem, "waist", ease, FULL_SURE)
+
+
+def _are_unshaped_skirts(parts: Sequence[Part], ring: Sequence[Side]) -> bool:
+    """Whether the waists of a ring are of skirts that are as wide there as at their hems: cut to be gathered."""
+    skirts = [parts[panel] for panel in {side.panel for side in ring}]
+    widths = [[skirt.shape.length(skirt.roles.get(role, ())) for role in ("waist", "hem")] for skirt in skirts]
+    return all("skirt" in skirt.kind for skirt in skirts) and all(a > UNSHAPED * b > 0.0 for a, b in widths)
 
 
 def _jumpsuits(parts: Sequence[Part]) -> Iterable[Joint]:
@@ -266,7 +280,7 @@ def _gores(parts: Sequence[Part]) -> Iterable[Joint]:
         hem = around(parts, ("front",), ("back",), "hem", True)
         behind = tuple(side for side in hem if parts[side.panel].kind.endswith("back"))
         ahead = tuple(side for side in hem if side not in behind)
-        yield from joint_of(parts, waist, (*behind, *ahead), "waist", (-0.02, 1.0), 0.9)
+        yield from joint_of(parts, waist, (*behind, *ahead), "waist", GATHERED_WAIST_EASE, FULL_SURE)
 
 
 def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
@@ -284,12 +298,14 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
         ring = ring_of(parts, band)
         if not ring:
             continue
+        ease = BAND_EASE
+        if part.kind == "waistband" and _are_unshaped_skirts(parts, ring):
+            is_full = length_of(parts, run_of(band, part.roles["long"])) < (1.0 + ease[0]) * length_of(parts, ring)
+            ease, sure = (FULL_BAND_EASE, sure * FULL_SURE) if is_full else (ease, sure)
         best = [
             joint
             for role in ("long", "long2")
-            for joint in joint_of(
-                parts, run_of(band, part.roles[role]), ring, part.kind.replace("_", " "), (-0.4, 0.04), sure
-            )
+            for joint in joint_of(parts, run_of(band, part.roles[role]), ring, part.kind.replace("_", " "), ease, sure)
         ]
         joint = max(best, key=lambda each: each.confidence)
         yield joint
