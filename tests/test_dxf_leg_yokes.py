@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from dxf_panelled import cut_at
-from dxf_patterns import Drafted, line, trousers, write
+from dxf_patterns import Drafted, length, line, trousers, write
 from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
@@ -48,8 +50,35 @@ def test_a_yoke_is_sewn_between_back_and_waistband(across: bool, along: bool, tm
     assert boundary_loops(path, DraftOptions()) == 3
 
 
+def whole_yoke() -> list[Drafted]:
+    """The jeans with one yoke on the fold behind, its half as long at hem, waist, side and middle as one of a pair."""
+    front, back, yoke, waistband = jeans()
+    hem, side, waist, centre = (length(edge) for edge in yoke.edges)
+    low, tip = (0.0, 0.0), (math.sqrt(hem**2 - 9.0), 3.0)  # a hem that rises by 3 cm to the side
+    angles = np.linspace(0.3, 2.6, 4001)
+    ends = np.array(tip) + side * np.column_stack([np.cos(angles), np.sin(angles)])
+    x, y = ends[np.abs(np.hypot(ends[:, 0], ends[:, 1] - centre) - waist).argmin()]
+    corners = [low, tip, (float(x), float(y)), (0.0, centre)]
+    edges = [line(a, b) for a, b in zip(corners, [*corners[1:], low], strict=True)]
+    return [front, back, Drafted("YOKE", edges, "1", ((0.0, centre), low)), waistband]
+
+
+@pytest.mark.parametrize("along", [False, True])
+def test_one_yoke_on_the_fold_goes_over_both_legs(along: bool, tmp_path: Path) -> None:
+    pieces = whole_yoke()
+    yoke = flipped(pieces[2], False, along)
+    a, b = pieces[2].fold or ((0.0, 0.0), (0.0, 0.0))
+    pieces[2] = replace(yoke, fold=((a[0], -a[1]), (b[0], -b[1])) if along else (a, b))
+    path = write(tmp_path / "a.dxf", {"M": pieces})
+    draft = read_drafted(path)
+    assert kinds(draft) == SEAMS
+    assert min(joint.confidence for joint in draft.joints) >= 0.9
+    assert not draft.unsewn
+    assert boundary_loops(path, DraftOptions()) == 3
+
+
 def test_what_a_yoke_may_belong_between_is_not_sewn_past_it(tmp_path: Path) -> None:
-    """A yoke drawn whole, on the fold, is not told: the back's top is not the waist, nor its side all of the side."""
+    """Half a yoke that is cut once is not told: the back's top is not the waist, nor its side all of the side."""
     pieces = [replace(each, quantity="1") if each.name == "BACK YOKE" else each for each in jeans()]
     draft = read_drafted(write(tmp_path / "a.dxf", {"M": pieces}))
     assert not {"waistband", "outseam"} & {*kinds(draft)}

@@ -1,4 +1,4 @@
-"""Yokes of trousers: a pair between the backs of the legs and the waistband, as jeans have it."""
+"""Yokes of trousers: a pair, or one whole, between the backs of the legs and the waistband, as jeans have it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class LegYoke:
     """The yoke above a leg's back."""
 
     panel: int
-    roles: Roles  # hem, waist, and the sides at +x and -x as it is worn, seen from behind
+    roles: Roles  # hem, waist, and the sides that it has at +x and -x as it is worn, seen from behind
     sure: float
 
 
@@ -40,17 +40,21 @@ def leg_yokes(parts: Sequence[Part]) -> dict[int, LegYoke]:
     """The yoke of each leg's back. Which of a yoke's ends is at the side, the front's longer outseam tells."""
     yokes = _lower_yokes(parts)
     fronts, backs = ({parts[leg].side: leg for leg in parts_of_kind(parts, kind)} for kind in ("leg_front", "leg_back"))
-    if len(yokes) != 2 or parts[yokes[0]].twin != yokes[1] or not {*fronts} == {*backs} == {LEFT, RIGHT}:
+    is_pair = len(yokes) == 2 and parts[yokes[0]].twin == yokes[1]
+    is_whole = len(yokes) == 1 and parts[yokes[0]].mirror is not None
+    if not (is_pair or is_whole) or not {*fronts} == {*backs} == {LEFT, RIGHT}:
         return {}
     ahead, behind = parts[fronts[RIGHT]], parts[backs[RIGHT]]
     waist, outseam = (behind.shape.length(behind.roles.get(role, ())) for role in ("waist", "outseam"))
     lacking = ahead.shape.length(ahead.roles.get("outseam", ())) - outseam
     found = []
-    for right, left in (yokes, yokes[::-1]):
+    for right, left in (yokes, yokes[::-1]) if is_pair else (yokes * 2,):
         for is_turned in (False, True):
             own, other = (_roles(parts[each], is_turned) for each in (right, left))
+            if is_whole:
+                own, other = _half(own, RIGHT), _half(other, LEFT)
             length = {role: parts[right].shape.length(run) for role, run in own.items()}
-            if not min(length.values()) > 0.0:
+            if not all(length.values()):
                 return {}
             apart = abs(length["hem"] - waist) + abs(length["side+"] - lacking)
             found.append((apart, right, own, left, other))
@@ -63,6 +67,19 @@ def leg_yokes(parts: Sequence[Part]) -> dict[int, LegYoke]:
 def _roles(part: Part, is_turned: bool) -> Roles:
     roles = skirt_roles(part.shape)
     return {TURNED[role]: run for role, run in roles.items()} if is_turned else roles
+
+
+def _half(roles: Roles, side: int) -> Roles:
+    """The roles of a whole yoke on one side of the wearer, parted at its middle, where it is sewn to nothing.
+
+    Seen from behind, the wearer's right is at +x; along a hem the loop runs there, along a waist from there.
+    """
+    hem, waist = (roles[role] for role in ("hem", "waist"))
+    low, high = hem[: len(hem) // 2], hem[len(hem) // 2 :]
+    right, left = waist[: len(waist) // 2], waist[len(waist) // 2 :]
+    if side == RIGHT:
+        return {"hem": high, "waist": right, "side+": roles["side+"]}
+    return {"hem": low, "waist": left, "side-": roles["side-"]}
 
 
 def proposed_leg_yokes(parts: Sequence[Part]) -> Iterable[Joint]:
@@ -82,5 +99,5 @@ def leg_run(parts: Sequence[Part], panel: int, role: str) -> tuple[Side, ...]:
         return run_of(yoke.panel, yoke.roles["waist"])
     # as seen from behind: the wearer's right leg has its outer side at +x, where the loop runs up
     is_high = (parts[panel].side == RIGHT) == (role == "outseam")
-    above = run_of(yoke.panel, yoke.roles["side+" if is_high else "side-"])
+    above = run_of(yoke.panel, yoke.roles.get("side+" if is_high else "side-", ()))
     return (*own, *above) if is_high else (*above, *own)
