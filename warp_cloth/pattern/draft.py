@@ -125,7 +125,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
             why = "as stated" if said.place == "none" else "it faces another piece" if piece.what.is_facing else why
             notes.append(f"{place} is left out: {why}")
             continue
-        if part.kind == "gore":
+        if part.kind in ("gore", "godet"):
             parts += _gores(part, said.copies or piece.copies or (1, 0))
             continue
         drawn, mirrored = _copies(piece, said, part, is_half and whole is None, place, notes)
@@ -235,7 +235,7 @@ def _copies(piece: Piece, said: Stated, part: Part, is_half: bool, place: str, n
 
 
 def _gores(part: Part, copies: tuple[int, int]) -> list[Part]:
-    """The gores of a skirt in their order round it; drawn and mirrored alternately, where a piece has two sides."""
+    """The gores of a skirt in their order round it, or godets; as drawn and mirrored in turn, where these differ."""
     turns = part.mirror is None and copies[0] == copies[1]
     made = [_mirrored(part, False) if turns and number % 2 else part for number in range(min(sum(copies), MOST_PANELS))]
     names = [part.name, *(f"{part.name} #{number}" for number in range(2, len(made) + 1))]

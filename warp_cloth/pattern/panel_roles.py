@@ -16,6 +16,7 @@ PLUMB = 0.01  # across over along, of the middle of half a skirt
 LONG = 0.3  # of a skirt's height, that its middle runs straight at least
 # Of a front's or back's height, between which the fork of a leg in one with it is, and [m] by which it stands out
 FORK_AT, FORK_OUT = (0.05, 0.62), 0.02
+TIP, LEGS_ALIKE = np.radians(90.0), 0.02  # turn at a godet's tip, at least, and relative difference of its legs
 NECK_UP_TO = 0.12  # [m] of a raglan's neck, on half of a sleeve
 TO_NOTCH = 0.06  # of the top of an under sleeve, from its lowest point to the notch at the side seam
 
@@ -187,6 +188,18 @@ def half_sleeve_roles(shape: Shape) -> Roles:
     return {"hem": hem, "under": under, "cap": cap, "over": along, f"inner{mark}": ()} | (
         {"neck": neck} if neck else {}
     )
+
+
+def godet_roles(shape: Shape) -> Roles:
+    """Of a godet its two legs, as its loop runs: up to the tip, and down from it; empty where it has none."""
+    count = len(shape.edges)
+    found = []
+    for up, down in ((k, (k + 1) % count) for k in range(count)):
+        lengths = shape.edges[up].length, shape.edges[down].length
+        are_straight = shape.is_straight(up) and shape.is_straight(down)
+        if are_straight and shape.turn_after(up) > TIP and min(lengths) > (1.0 - LEGS_ALIKE) * max(lengths):
+            found.append((max(lengths), (up, down)))
+    return {"legs": max(found)[1]} if found else {}
 
 
 def parted_at_underarm(edges: tuple[Chain, ...], up: Floats, notches: Floats) -> tuple[Chain, ...]:

@@ -6,6 +6,7 @@ from warp_cloth.pattern.bodices import arm_side, bodice_roles
 from warp_cloth.pattern.kinds import BOTH, COLLARS, HALF_SLEEVES, LEFT, RIGHT, SKIRTS, STRIPS, YOKES
 from warp_cloth.pattern.leg_openings import with_leg_openings
 from warp_cloth.pattern.panel_roles import (
+    godet_roles,
     half_sleeve_roles,
     legged_roles,
     middle_side,
@@ -58,6 +59,8 @@ def roles_of(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yo
         return sleeve_roles(shape)
     if kind in HALF_SLEEVES:
         return half_sleeve_roles(shape)
+    if kind == "godet":
+        return godet_roles(shape)
     if kind == "hood":  # or the strip between its halves
         return strip_roles(shape) if whole and is_strip(shape) else hood_roles(shape)
     if kind.removeprefix("side_") in ("skirt_front", "skirt_back", "gore"):

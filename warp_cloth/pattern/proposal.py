@@ -16,6 +16,7 @@ from warp_cloth.pattern.band_rings import around, opens_between_fronts, ring_of
 from warp_cloth.pattern.bands_in_two import proposed_halves
 from warp_cloth.pattern.collars import proposed_collars
 from warp_cloth.pattern.draft import Part
+from warp_cloth.pattern.godets import with_godets
 from warp_cloth.pattern.gussets import proposed_gussets, slits_of, without_gaps
 from warp_cloth.pattern.joints import Joint, notch_fractions
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
@@ -68,6 +69,7 @@ def proposed_joints(parts: Sequence[Part]) -> tuple[Joint, ...]:
         *proposed_collars(parts),
         *_bands(parts),
     ]
+    found = with_godets(parts, found)
     kept = _doubted(_without_conflicts(found), found)
     used = {side for joint in kept for side in (*joint.one, *joint.other)}
     return tuple(_without_conflicts([*kept, *_leftovers(parts, used)]))

@@ -62,9 +62,10 @@ WORDS = (
         r"yoke|\byk\b|passe\b|\w+pas\b|\bsattel|schulterpasse|empiecement|canesu|\bpala\b|sprone|carre\b|karczek|sedlo"
         r"|koketk|кокетк|\broba\b|\bbesparing|kaarroke|yu ?ke|guo ?jian|育克|过肩|過肩|ヨーク|요크",
     ),
+    ("godet", r"godet"),
     (
         "gusset",
-        r"gusset|godet|zwickel|soufflet|tassello|\bnesga|fuelle|klin\b|ластовиц|裆布|マチ",
+        r"gusset|zwickel|soufflet|tassello|\bnesga|fuelle|klin\b|ластовиц|裆布|マチ",
     ),
     (
         "sleeve",
