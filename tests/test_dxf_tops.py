@@ -113,3 +113,18 @@ def test_a_band_below_an_open_front_is_open_as_well(count: int, tmp_path: Path) 
         joint = next(joint for joint in draft.joints if joint.reason.startswith("hem band"))
         assert [draft.parts[joint.other[end].panel].name for end in (0, -1)] == ["FRONT mirrored", "FRONT"]
         assert boundary_loops(tmp_path / "a.dxf", DraftOptions()) == 3  # wrists, and all round the front
+
+
+def test_a_back_cut_straight_across_is_of_the_front_s_bodice(tmp_path: Path) -> None:
+    """As of a camisole; its straps are asked for. Beside a back bodice it is a skirt's."""
+    front, back = half_body("FRONT", 23.0, 62.0, 8.0, 9.0, 15.0), half_body("BACK", 23.0, 62.0, 8.0, 2.5, 15.0)
+    _, side, *_ = front.edges
+    low = (0.0, side[1][1])
+    edges = [line((0.0, 0.0), (23.0, 0.0)), side, line(side[1], low), line(low, (0.0, 0.0))]
+    straight = Drafted("BACK", edges, "1", (low, (0.0, 0.0)))
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": [front, straight, band("STRAP", 40.0, 1.5, "2")]}))
+    assert kinds(draft) == {"side": 2}
+    assert [part.kind for part in draft.parts] == ["front", "back", "strap", "strap"]
+    pieces = [front, back, *(replace(straight, name=f"{face} BOTTOM") for face in ("FRONT", "BACK"))]
+    draft = read_drafted(write(tmp_path / "b.dxf", {"M": pieces}))
+    assert [part.kind for part in draft.parts] == ["front", "back", "skirt_front", "skirt_back"]

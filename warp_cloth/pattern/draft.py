@@ -54,6 +54,7 @@ class _Top:
     is_one: bool  # it has pieces that only tops have
     yoked: frozenset[str]  # of "front" and "back" those that begin below a yoke
     has_bodice: bool  # a front or back on the fold has armholes and a neck, as no leg has
+    lone: frozenset[str]  # of "front" and "back" those that one piece is named
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +176,9 @@ def _top_of(kinds: Set[str], pieces: Sequence[Piece]) -> _Top:
     yokes = [piece for piece in pieces if piece.what.kind == "yoke" and _is_at_neck(piece)]
     faces = {piece.what.face or "back" for piece in yokes}
     faces |= {face for face, yoke in YOKE_OF.items() if yoke in kinds and has_top}
-    return _Top(has_top or bool(yokes), frozenset(faces), has_bodice)
+    named_so = [piece.what.kind for piece in pieces]
+    lone = frozenset(face for face in YOKE_OF if named_so.count(face) == 1)
+    return _Top(has_top or bool(yokes), frozenset(faces), has_bodice, lone)
 
 
 def _is_at_neck(yoke: Piece) -> bool:
@@ -263,7 +266,7 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
     elif kind == "yoke" and piece.what.face == "front" and _is_at_neck(piece):
         kind = "front_yoke"
     elif kind in ("front", "back") and kind not in panelled:
-        kind = kind if top.is_one else _worn_on(piece, kind, top.has_bodice)
+        kind = kind if top.is_one else _worn_on(piece, kind, top)
     elif kind == "leg" and _is_whole_leg(piece):
         pass
     elif kind == "skirt" and (sum(said.copies or piece.copies or ()) >= FEWEST_GORES or ring_of(piece.edges, False)):
@@ -295,16 +298,17 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
     return replace(part, roles=roles, side=side or side_of(kind, shape, roles, mirror is not None))
 
 
-def _worn_on(piece: Piece, face: str, has_bodice: bool) -> str:
+def _worn_on(piece: Piece, face: str, top: _Top) -> str:
     """A front or back as a bodice's, a leg's or a skirt's, by what is cut out of it.
 
-    ``has_bodice``: the other one is of a bodice, so that this one is, too, though its neck be cut straight.
+    Where the other one is of a bodice, this one is, too, though its neck be cut straight, or all its top, as below
+    straps: that, if no other piece is named so, which a skirt may have.
     """
     shape = Shape(piece.edges, upright(piece.edges, face))
     hollow = concave_count(shape)
     if piece.mirror is not None:
-        return face if hollow >= 2 else f"skirt_{face}"
-    if hollow and has_bodice:
+        return face if hollow >= 2 or (top.has_bodice and face in top.lone) else f"skirt_{face}"
+    if hollow and top.has_bodice:
         return face
     if hollow >= 2 and is_leg_and_no_bodice(piece):
         return f"leg_{face}"
