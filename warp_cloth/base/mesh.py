@@ -50,6 +50,9 @@ class Mesh:
     triangle_source: NDArray[np.int64] | None = None  # shape [F]
     rest_corners: Points | None = None  # corners at rest, as a stage states them [m], shape [F, 3, 3]
     folds: Folds | None = None  # rest angles, as a stage states them
+    trim_points: Points | None = None  # of loose parts that lie on the cloth, and are none [m], shape [T, 3]
+    trim_triangles: Indices | None = None  # of these, shape [K, 3]
+    trim_map: NDArray[np.int64] | None = None  # which of these each vertex of the file became, -1: none of them
 
     @property
     def vertex_count(self) -> int:
@@ -86,8 +89,12 @@ class Mesh:
         return len(start) > 0 and np.array_equal(np.sort(start * count + end), np.sort(end * count + start))
 
     def arrays(self) -> dict[str, Any]:
-        """``vertex_map`` and ``triangle_source``, where present, by name, as stored in files with a result."""
-        found = {"vertex_map": self.vertex_map, "triangle_source": self.triangle_source}
+        """``vertex_map``, ``triangle_source`` and ``trim_map``, where present, by name, as stored with a result."""
+        found = {
+            "vertex_map": self.vertex_map,
+            "triangle_source": self.triangle_source,
+            "trim_map": self.trim_map,
+        }
         return {name: array for name, array in found.items() if array is not None}
 
 

@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Mesh, vertex_normals
+from warp_cloth.base.trims import TRIMS
 from warp_cloth.export.files import whole_file
-from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear, material_name, require_sound
+from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear, material_name, require_sound, trim_colour
 from warp_cloth.maps.colour import colours
 from warp_cloth.maps.kinds import kind_named
 from warp_cloth.model.result import WornGarment
 
 AVATAR_NODE = "_avatar"  # suffix of the name of the avatar's node in a .glb file
+TRIMS_NODE = f"_{TRIMS}"  # and of that of a garment's buttons and other trims
 PANEL_ATTRIBUTE = "_panel_"  # and its name: 1 at the vertices of that panel, those of its seams included
 ROUGHNESS = 0.85
 WHITE = np.ones(3)
@@ -50,6 +52,11 @@ def write_glb(
             shown = linear(colours(kind, worn.fields[colour], ranges[colour]))  # COLOR_0 is linear light
             mesh.visual.vertex_attributes["color"] = _bytes(shown)
         scene.add_geometry(mesh, geom_name=worn.name, node_name=worn.name)
+        if worn.trims is not None:
+            name, look = f"{worn.name}{TRIMS_NODE}", f"{material_name(worn)}{TRIMS_NODE}"
+            trims = _smooth(worn.trims.at(worn.points), worn.trims.mesh, {})
+            trims.visual = trimesh.visual.TextureVisuals(material=_material(look, linear(trim_colour(index))))
+            scene.add_geometry(trims, geom_name=name, node_name=name)
     if avatar is not None:
         body = _smooth(avatar.points, avatar, {})
         body.visual = trimesh.visual.TextureVisuals(material=_material(_word(avatar.name), linear(AVATAR_COLOUR)))
@@ -110,7 +117,7 @@ def _material(name: str, colour: NDArray[np.float64]) -> object:
 def write_obj(path: Path, *, garments: Sequence[WornGarment]) -> Path:
     """Writes the garments in metres, y up, and their materials; returns the path of the materials' file.
 
-    An object each, a group for each panel, normals per vertex, texture coordinates per corner.
+    An object each, one more for its trims, a group for each panel, normals per vertex, texture coordinates per corner.
     """
     require_sound(garments, None)
     materials = material_file(path)
@@ -135,6 +142,13 @@ def write_obj(path: Path, *, garments: Sequence[WornGarment]) -> Path:
         lines.append(f"usemtl {material}")
         lines += _grouped([f"f {a} {b} {c}" for a, b, c in rows], mesh)
         vertex += mesh.vertex_count
+        if worn.trims is not None:
+            carried, faces = worn.trims.at(worn.points), worn.trims.triangles.astype(np.int64) + vertex
+            looks += [f"newmtl {material}{TRIMS_NODE}", "Kd {:.4g} {:.4g} {:.4g}".format(*linear(trim_colour(index)))]
+            lines += [f"o {_word(worn.name)}{TRIMS_NODE}", f"usemtl {material}{TRIMS_NODE}"]
+            lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in carried.tolist()]
+            lines += [f"f {a} {b} {c}" for a, b, c in faces.tolist()]
+            vertex += len(carried)
     for target, text in ((materials, looks), (path, lines)):
         with whole_file(target) as file:
             file.write_text("\n".join(text) + "\n", encoding="utf-8")

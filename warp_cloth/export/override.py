@@ -105,14 +105,25 @@ def _author_garment(stage: Usd.Stage, garment: StagedGarment, ranges: Ranges, co
     ends = np.cumsum([len(_default_points(mesh)) for mesh in meshes])
     if ends[-1] != len(vertex):
         raise InputError(garment.file, f"{', '.join(garment.prims)} changed after the fit", "fit the stage again")
-    for path, part in zip(garment.prims, np.split(vertex, ends[:-1]), strict=True):
-        _author_mesh(stage, path, garment, part, ranges, colour)
+    trim = np.full(len(vertex), -1) if known.trim_map is None else known.trim_map
+    parts = zip(garment.prims, np.split(vertex, ends[:-1]), np.split(trim, ends[:-1]), strict=True)
+    for path, part, trims in parts:
+        _author_mesh(stage, path, garment, part, trims, ranges, colour)
 
 
 def _author_mesh(
-    stage: Usd.Stage, path: str, garment: StagedGarment, vertex: NDArray[np.int64], ranges: Ranges, colour: str
+    stage: Usd.Stage,
+    path: str,
+    garment: StagedGarment,
+    vertex: NDArray[np.int64],
+    trim: NDArray[np.int64],
+    ranges: Ranges,
+    colour: str,
 ) -> None:
-    """Authors one mesh of a garment; ``vertex`` is the worn vertex of each vertex of the mesh, -1: none."""
+    """Authors one mesh of a garment.
+
+    ``vertex`` is the worn vertex of each vertex of the mesh, and ``trim`` that of the trims, -1: none.
+    """
     prim, worn = stage.GetPrimAtPath(path), garment.worn
     surface = UsdGeom.Mesh(stage.OverridePrim(path))
     old = _default_points(UsdGeom.Mesh(prim))
@@ -120,9 +131,11 @@ def _author_mesh(
 
     def local(points: Points | NDArray[np.float32]) -> NDArray[np.float32]:
         moved = old.copy()
-        moved[vertex >= 0] = (np.asarray(points, dtype=np.float64) @ from_world[:3, :3] + from_world[3, :3])[
-            vertex[vertex >= 0]
-        ]
+        carried = None if worn.trims is None else worn.trims.at(points)
+        for shape, number in ((points, vertex), (carried, trim)):
+            if shape is not None:
+                there = np.asarray(shape, dtype=np.float64) @ from_world[:3, :3] + from_world[3, :3]
+                moved[number >= 0] = there[number[number >= 0]]
         return np.ascontiguousarray(moved, dtype=np.float32)
 
     triangles = _file_triangles(surface)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.compiling import load_modules
 from warp_cloth.base.mesh import Mesh, vertex_normals
-from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, in_bytes, linear, winds_outward
+from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, in_bytes, linear, trim_colour, winds_outward
 from warp_cloth.export.taps import OCCLUSION_STEPS, occlusion_taps, shadow_taps
 from warp_cloth.kernels.avatar.raster import View, draw_depth, draw_triangle_ids
 from warp_cloth.kernels.picture.shading import (
@@ -71,6 +71,10 @@ def build_subject(garments: Sequence[WornGarment], avatar: Mesh | None, device: 
     ]
     if avatar is not None:
         parts.append((avatar.points, avatar.triangles, np.tile(AVATAR_COLOUR, (len(avatar.points), 1)), 1.0))
+    for index, worn in enumerate(garments):
+        if worn.trims is not None:
+            points, colour = worn.trims.at(worn.points), trim_colour(index)
+            parts.append((points, worn.trims.triangles, np.tile(colour, (len(points), 1)), 1.0))
     starts = np.cumsum([0, *(len(points) for points, *_ in parts)]).tolist()
     points = np.concatenate([points for points, *_ in parts])
     triangles = [faces + start for (_, faces, *_), start in zip(parts, starts[:-1], strict=True)]

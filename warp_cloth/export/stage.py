@@ -13,6 +13,7 @@ from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdUtils,
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points, vertex_normals
+from warp_cloth.base.trims import TRIMS
 from warp_cloth.base.version import package_version
 from warp_cloth.base.warp_setup import usd_sentence
 from warp_cloth.export.fields import Ranges, author_colours, author_fields, contiguous, unique_identifier
@@ -27,6 +28,7 @@ from warp_cloth.export.surface import (
     linear,
     material_name,
     require_sound,
+    trim_colour,
 )
 from warp_cloth.model.result import WornGarment
 
@@ -58,6 +60,8 @@ def write_stage(
     flat: Collection[int] = (),
 ) -> None:
     """Writes garments and avatar as one stage in metres: /NAME/GARMENT/GARMENT_mesh, /NAME/materials.
+
+    A garment's trims, such as buttons, are /NAME/GARMENT/GARMENT_trims.
 
     The garments numbered in ``flat`` also get their panels, as cut: /NAME/GARMENT/GARMENT_panels.
 
@@ -91,6 +95,13 @@ def write_stage(
             author_panels(cut, garment.mesh, material)
             bind(cut.GetPrim(), material)
         author_physics(surface, garment, material)
+        if garment.trims is not None:
+            look = unique_identifier(f"{material_name(garment)}_trims", "trims", looks)
+            hard = author_material(root, look, trim_colour(index), CLOTH_ROUGHNESS)
+            trims, frames = garment.trims, garment.frames
+            shapes = None if frames is None else np.stack([trims.at(frame) for frame in frames]).astype(np.float32)
+            carried = author_mesh(part, trims.mesh, trims.at(garment.points), shapes, suffix=TRIMS)
+            bind(carried.GetPrim(), hard)
     if body is not None:
         mesh, asset = body.mesh, body.asset
         part = author_part(root, mesh.name, unique_identifier(mesh.name, "avatar", taken), assembled)
@@ -165,9 +176,11 @@ def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:
     UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
 
 
-def author_mesh(part: Usd.Prim, mesh: Mesh, points: Points, frames: NDArray[np.float32] | None) -> UsdGeom.Mesh:
+def author_mesh(
+    part: Usd.Prim, mesh: Mesh, points: Points, frames: NDArray[np.float32] | None, *, suffix: str = "mesh"
+) -> UsdGeom.Mesh:
     """The mesh: faces and st once; points, normals and extent as default values and at every frame."""
-    path = part.GetPath().AppendChild(f"{part.GetName()}_mesh")
+    path = part.GetPath().AppendChild(f"{part.GetName()}_{suffix}")
     surface = UsdGeom.Mesh.Define(part.GetStage(), path)
     surface.CreateFaceVertexCountsAttr(Vt.IntArray(mesh.triangle_count, 3))
     surface.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(contiguous(mesh.triangles.ravel(), np.int32)))

@@ -21,12 +21,19 @@ CLOTH_COLOURS: tuple[Colour, ...] = (  # sRGB; mid tones, bright enough for fold
     (0.53, 0.42, 0.62),  # plum
     (0.30, 0.57, 0.58),  # teal
 )
+TRIM_SHADE = 0.55  # times the cloth's colour: buttons stand out, and belong to it
 AVATAR_COLOUR: Colour = (0.80, 0.78, 0.76)  # sRGB; a shop mannequin's grey
 
 
 def cloth_colour(garment: int) -> Colour:
     """Colour (sRGB) of a garment by its index."""
     return CLOTH_COLOURS[garment % len(CLOTH_COLOURS)]
+
+
+def trim_colour(garment: int) -> Colour:
+    """Colour (sRGB) of a garment's buttons and other trims: a darker one than its cloth's."""
+    red, green, blue = cloth_colour(garment)
+    return TRIM_SHADE * red, TRIM_SHADE * green, TRIM_SHADE * blue
 
 
 def material_name(garment: WornGarment) -> str:

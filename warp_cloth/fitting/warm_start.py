@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.export.meshes import AVATAR_NODE
+from warp_cloth.export.meshes import AVATAR_NODE, TRIMS_NODE
 from warp_cloth.fitting.problem import Problem
 from warp_cloth.kernels.avatar.closest import find_closest
 from warp_cloth.loading import load_mesh
@@ -66,7 +66,7 @@ def saved_result(path: Path, names: Sequence[str]) -> list[Worn]:
     if suffix in GLTF_KINDS and path.is_file():
         read_raw(path, role="garment", key="start", prim=None)  # refuses a file that cannot be read
         nodes = gltf_mesh_names(str(path), path.read_bytes())
-        cloths = [name for name in nodes if not name.endswith(AVATAR_NODE)] or nodes
+        cloths = [name for name in nodes if not name.endswith((AVATAR_NODE, TRIMS_NODE))] or nodes
         garments = [(name, name) for name in cloths] or garments
     elif suffix in USD_SUFFIXES and path.is_file():
         garments = _stage_garments(path)

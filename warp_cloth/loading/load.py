@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -106,7 +107,17 @@ def load_mesh(
         triangle_source=None if same_faces else sound.faces,
         rest_corners=None if sound.rest is None else _rest_in_metres(sound.rest, metres),
         folds=None if raw.folds is None else _folds_of(raw.folds, sound, len(raw.counts)),
+        **_trims_of(sound),
     )
+
+
+def _trims_of(sound: Repaired) -> dict[str, Any]:
+    """The fields of a mesh that hold its trims."""
+    trims = sound.trims
+    if trims is None:
+        return {}
+    triangles = np.ascontiguousarray(trims.triangles, dtype=np.int32)
+    return {"trim_points": trims.points, "trim_triangles": triangles, "trim_map": trims.vertex_map}
 
 
 def _doubts(raw: RawMesh, sound: Repaired, role: Role, up: UpAxis | None) -> list[str]:

@@ -12,6 +12,7 @@ from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
 from warp_cloth.loading.polygons import triangulated
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, counted
+from warp_cloth.loading.trims import trims_among
 from warp_cloth.loading.unique_rows import edges_of, unique_rows, used_ids
 from warp_cloth.loading.weld import Weld, weld
 from warp_cloth.loading.winding import consistent_winding, outward
@@ -31,6 +32,15 @@ CLOSED = "a closed surface, like a body or cloth modelled with its thickness: a 
 
 
 @dataclass(frozen=True, eq=False)
+class Trimmings:
+    """Loose parts that lie on the cloth, and are none of it."""
+
+    points: Floats  # [m], shape [T, 3]
+    triangles: Ints  # shape [K, 3]
+    vertex_map: Ints  # vertex of them that each raw vertex became, -1: none
+
+
+@dataclass(frozen=True, eq=False)
 class Repaired:
     """Valid triangles over the vertices that they use."""
 
@@ -42,6 +52,7 @@ class Repaired:
     notes: tuple[str, ...]
     rest: Floats | None = None  # corners at rest, in the file's unit, shape [F, 3, 3]
     turned: NDArray[np.bool_] | None = None  # whether a triangle winds opposite to the file, shape [F]
+    trims: Trimmings | None = None  # loose parts that lie on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +94,18 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKey) -> Repa
     before = work.triangles
     work = _wound(work, points, role)
     turned = (work.triangles != before).any(axis=1)
+    trims = None
+    if role == "garment" and (loose := trims_among(points, work.triangles)).any():
+        trims = _trimmings(points, work.triangles[loose], welded.vertex)
+        count = _pieces(work.triangles[loose], len(points))
+        carried = f"{counted(count, 'loose part')} on the cloth (buttons, for example) carried along with it"
+        work = _Work(work.triangles[~loose], work.corners[~loose], work.faces[~loose], (*work.notes, carried))
+        turned = turned[~loose]
     used = np.zeros(len(points), dtype=bool)
     used[work.triangles] = True
     number = np.where(used, np.cumsum(used) - 1, -1)
-    isolated = int((~used[welded.vertex]).sum())
+    there = used[welded.vertex] if trims is None else used[welded.vertex] | (trims.vertex_map >= 0)
+    isolated = int((~there).sum())
     notes = work.notes
     if isolated:
         notes = (*notes, f"{counted(isolated, 'isolated vertex')} dropped")
@@ -109,7 +128,16 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKey) -> Repa
         notes=notes,
         rest=None if raw.rest is None else raw.rest[work.corners],
         turned=turned,
+        trims=trims,
     )
+
+
+def _trimmings(points: Floats, triangles: Ints, welded: Ints) -> Trimmings:
+    """``welded``: the vertex that replaces each."""
+    source, corners = np.unique(triangles, return_inverse=True)
+    number = np.full(len(points), -1, dtype=np.int64)
+    number[source] = np.arange(len(source))
+    return Trimmings(points[source], corners.reshape(triangles.shape), number[welded])
 
 
 def _pieces(triangles: Ints, count: int) -> int:

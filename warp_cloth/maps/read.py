@@ -11,6 +11,7 @@ import numpy as np
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.trims import TRIMS
 from warp_cloth.loading.load import load_mesh
 from warp_cloth.loading.usd import panels_of
 from warp_cloth.maps.kinds import MAPS
@@ -51,7 +52,8 @@ def read_fit(place: Path) -> WrittenFit:
         if not prim.IsA(UsdGeom.Mesh):
             continue
         mesh = UsdGeom.Mesh(prim)
-        if mesh.ComputePurpose() == UsdGeom.Tokens.guide:  # panels laid flat
+        is_trims = prim.GetName() == f"{prim.GetParent().GetName()}_{TRIMS}"
+        if is_trims or mesh.ComputePurpose() == UsdGeom.Tokens.guide:  # panels laid flat
             continue
         fields = _fields(mesh)
         if not fields:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.base.trims import Trims
 from warp_cloth.material.strain import face_strains
 from warp_cloth.model.fit_problem import FitProblem
 
@@ -121,6 +122,11 @@ class WornGarment:
     fabric: Fabric | None = None  # where known, written with the stage's physics
     rest: RestShape | None = None
     let_down: Points | None = None  # [m], shape [V, 3]
+
+    @cached_property
+    def trims(self) -> Trims | None:
+        """Loose parts of its file that lie on it, such as buttons: ``trims.at(points)`` is where they go with it."""
+        return Trims.of(self.mesh)
 
     @property
     def edges(self) -> Indices:

@@ -336,7 +336,7 @@ def detached_pieces(judged: Judged) -> Iterator[FitProblem]:
         ProblemCode.DETACHED_PIECE,
         f'{int(fallen.sum())} of the {counted(len(kinds), "piece")} of "{judged.name}" fall off, because nothing '
         "connects them to the others.",
-        "Leave out buttons and other loose parts, or weld them to the garment.",
+        "Leave out loose parts, weld them to the garment, or lay them on its cloth, which carries buttons.",
         judged.name,
         {"pieces": int(fallen.sum()), "fallen_mm": 1e3 * float(further.max())},
         vertices=listed(np.flatnonzero(fallen[number])),

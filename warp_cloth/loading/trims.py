@@ -1,0 +1,36 @@
+"""Loose parts of a garment's mesh that lie on its cloth: buttons, zips, patches."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.base.connected import connected_components
+from warp_cloth.base.trims import nearest_faces
+from warp_cloth.loading.raw import Floats, Ints
+
+# A part is a trim if its area is less than this share of the largest part's, and all of it is nearer to cloth than
+# NEAR [m]: a button's top is 4 mm above the shirt, a collar stands farther off. The lining of a coat is no smaller.
+SHARE, NEAR = 0.1, 0.01
+
+
+def trims_among(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
+    """Whether each triangle belongs to a trim, shape [F]; ``points`` [m], shape [V, 3].
+
+    Nothing connects a trim with the cloth, so that as cloth it would fall off.
+    """
+    a, b, c = triangles.T
+    vertex_part = connected_components(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
+    _, part = np.unique(vertex_part[a], return_inverse=True)
+    if part.max() == 0:
+        return np.zeros(len(triangles), dtype=bool)
+    corners = points[triangles]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    total = np.bincount(part, area)
+    loose = (total < SHARE * total.max())[part]
+    if not loose.any():
+        return loose
+    _, away = nearest_faces(corners[loose].reshape(-1, 3), points, triangles[~loose])
+    farthest = np.zeros(len(total))
+    np.maximum.at(farthest, np.repeat(part[loose], 3), away)
+    return loose & (farthest <= NEAR)[part]
