@@ -36,6 +36,8 @@ def load(tmp_path: Path, extent: float, role: str = "garment", units: str | None
         ("garment", 1.0, "m", 1.0),
         ("garment", 4.556, "m", 4.556),  # with a train
         ("garment", 455.6, "mm", 0.4556),  # rather a child's shirt than a train in cm
+        ("garment", 0.194, "m", 0.194),  # a glove
+        ("garment", 19.4, "cm", 0.194),
     ],
 )
 def test_unit_is_guessed_from_the_size_and_said(

@@ -17,6 +17,8 @@ from warp_cloth.loading.raw import Floats, Role, counted
 # is guessed only where no unit gives a usual size (400 is a child's shirt in millimetres).
 USUAL: dict[Role, tuple[float, float]] = {"garment": (0.2, 3.5), "avatar": (0.3, 3.5)}
 PLAUSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.2, 6.0), "avatar": (0.3, 3.5)}
+# Of what is worn on a hand, the head or the neck; guessed only where no unit gives a larger garment.
+SMALL: dict[Role, tuple[float, float]] = {"garment": (0.08, 0.2), "avatar": PLAUSIBLE["avatar"]}
 # Largest extent [m] accepted where the unit is stated: dolls and curtains are possible, houses are not.
 POSSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.01, 20.0), "avatar": (0.05, 20.0)}
 # The first of these that gives a usual size is guessed; inches are only suggested.
@@ -87,7 +89,9 @@ def choose_unit(
         _refuse_strays(points, file)
         if role == "garment" and scale == 1.0 and (shown := _unit_of_panels(extent, texture_scale(), role)) is not None:
             return shown
-        low, high = PLAUSIBLE[role]
+        fitting = [unit for unit in GUESSED if _fits(extent * METRES_PER[unit], SMALL[role])]
+    if not fitting:
+        low, high = SMALL[role][0], PLAUSIBLE[role][1]
         wanted = f"{_a(role)} of {low:g} to {high:g} m"
         problem = f"units not stated, and with an extent{scaled} of {extent:.4g} no unit gives {wanted}"
         remedy = _possible_units(extent, role, key) or _rescaling(extent, role, key)
@@ -273,7 +277,7 @@ def fitting_reading(key: str, garment: Mesh, avatar: Mesh) -> dict[str, str]:
     for stand, standing in (("", ""), *lying):
         for _, name, unit, scale_g, scale_a in options:
             ratio, gap = _fit_of(garment, avatar, scale_g, scale_a, stand=stand)
-            sane = _fits(_extent(garment) * scale_g, PLAUSIBLE["garment"])
+            sane = _fits(_extent(garment) * scale_g, (SMALL["garment"][0], PLAUSIBLE["garment"][1]))
             sane = sane and _fits(_extent(avatar) * scale_a, PLAUSIBLE["avatar"])
             if sane and _fits(ratio, RATIO) and gap <= (0.0 if stand else GAP):
                 return {f"{name}.units": unit, **({f"{standing}.up": "z"} if stand else {})}
