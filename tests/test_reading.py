@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from meshfiles import write_obj, write_panels
 
-from warp_cloth.anatomy.openings import ARMS, LEGS, limbs_for
+from warp_cloth.anatomy.openings import ARMS, LEGS, OPEN, limbs_for
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.front import CERTAIN, front_of
@@ -102,6 +102,20 @@ def test_a_garment_that_is_back_to_front_is_turned_where_its_cut_tells(
     assert choices(outfit) == ({"rotate": (0.0, 180.0, 0.0)} if turns else {})
     assert outfit.meshes[0].points == pytest.approx(points * (1.0 if turns else half), abs=1e-6)
     assert any("back to front" in note for note in outfit.meshes[0].notes) == (not turns)
+
+
+def test_a_jacket_that_is_open_in_front_is_not_thought_back_to_front(tmp_path: Path, tshirt: Mesh) -> None:
+    """Its one opening runs from neck to hem, and on average far lower behind, where it is the hem alone."""
+    middles = tshirt.points[tshirt.triangles].mean(axis=1)
+    kept = (np.abs(middles[:, 0]) > 0.03) | (middles[:, 2] < tshirt.points[:, 2].mean())
+    assert tshirt.texcoords is not None
+    jacket = replace(tshirt, triangles=tshirt.triangles[kept], texcoords=tshirt.texcoords[kept])
+    outfit = read(tmp_path, jacket, lambda points: points)
+    (wearing,) = outfit.wearing
+    assert wearing is not None
+    assert OPEN in wearing.limbs
+    assert not choices(outfit)
+    assert not any("back to front" in note for note in outfit.meshes[0].notes)
 
 
 def test_panels_names_tell_the_front(tmp_path: Path, tshirt: Mesh) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.linking import Wearing
-from warp_cloth.anatomy.openings import ARMS
+from warp_cloth.anatomy.openings import ARMS, OPEN
 from warp_cloth.anatomy.skeleton import HEAD, Skeleton
 from warp_cloth.base.mesh import Mesh, Points
 
@@ -28,6 +28,7 @@ WAIST = (0.2, 0.6)  # of the way from the hips to the shoulders: the cloth there
 SLICE = 0.02  # [m] of height, in which front and back are compared
 NARROW, ALIKE = 0.1, 0.5  # [m] of a front or back, and their ratio, from which on both are whole
 TRUNK_WIDTH = 1.15  # times as far from the middle as the roots of the arms: cloth farther out is a sleeve's
+BETWEEN = 0.2  # of the way from the neck to the hem, on either side of its middle: there an open front has its edges
 MIDDLE = 0.1  # of a neckline's width, on either side of its middle
 LEAST = 0.05  # [m2] of cloth below the hips: less tells little
 VERTICAL = np.array([0.0, 1.0, 0.0])
@@ -128,11 +129,19 @@ def _shoulder_width(skeleton: Skeleton) -> float:
 
 
 def _neckline(wearing: Wearing, points: Points) -> float:
-    """How much lower the opening for the head is in front than behind [m]; 0: it has none."""
+    """How much lower the opening for the head is in front than behind [m]; 0: it has none.
+
+    What is open from neck to hem is mostly a jacket, whose opening is in front; a gown that opens behind tells nothing.
+    """
     up, forward = _upright(wearing.skeleton)
-    loops = [
-        points[opening.loop] for opening, limbs in zip(wearing.openings, wearing.limbs, strict=True) if HEAD in limbs
-    ]
+    pairs = list(zip(wearing.openings, wearing.limbs, strict=True))
+    if OPEN in wearing.limbs:
+        slit = next(points[opening.loop] for opening, limbs in pairs if limbs == OPEN)
+        height, ahead = slit @ up, points @ forward
+        between = np.abs(height - 0.5 * (height.min() + height.max())) < BETWEEN * np.ptp(height)
+        is_ahead = bool(between.any()) and (slit[between] @ forward).mean() > 0.5 * (ahead.min() + ahead.max())
+        return MOST_NECKLINE / NECKLINE if is_ahead else 0.0
+    loops = [points[opening.loop] for opening, limbs in pairs if HEAD in limbs]
     if not loops:
         return 0.0
     neck = max(loops, key=lambda loop: float((loop @ up).mean()))
