@@ -303,6 +303,22 @@ def test_what_slips_off_as_it_is_carried_onto_the_shoulders_is_lifted() -> None:
     assert following(slipped, Ended(lifted, REST, 0, VERTICES, slipped=True)) is None
 
 
+def test_what_tears_as_the_body_is_padded_under_it_slides_before_it_is_sewn_otherwise() -> None:
+    """Edges of a poncho of 20 mm tore round a thumb that was padded: without friction they slid off it."""
+    shirt = {"shape": {"kind": "tshirt", "edge_mm": 50}}
+    scene = {"garment": shirt, "avatar": {"shape": {"kind": "mannequin"}}}
+    shown = Ended(first(scene), REST, 0, VERTICES, shown=True)
+    padded = following(shown)
+    assert padded is not None
+    torn = Ended(padded, REST, 0, VERTICES, torn=1)
+    slides = following(shown, torn)
+    assert slides is not None
+    assert (slides.slides, slides.begins_after, slides.paddings) == (1, 1, 1)
+    many = following(shown, replace(torn, torn=VERTICES // 10))
+    assert many is not None
+    assert many.posed
+
+
 def test_the_body_stays_padded_where_it_showed_through() -> None:
     shirt = {"shape": {"kind": "tshirt", "edge_mm": 50}}
     scene = {"garment": shirt, "avatar": {"shape": {"kind": "mannequin"}}}

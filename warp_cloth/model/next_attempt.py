@@ -149,11 +149,16 @@ def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
 
 
 def _may_slide_off(history: Sequence[Ended]) -> bool:
-    """Whether cloth is caught on a limb with few torn edges, every limb in its opening, and has not slid yet."""
+    """Whether cloth has few torn edges, where it is caught on a limb or was pushed out, and has not slid yet.
+
+    Every limb is in its opening then. What is pushed out is coarse cloth where the avatar is padded under it: friction
+    holds the edges around a thumb.
+    """
     ended = history[-1]
     few = 0 < ended.torn <= FEW_CAUGHT * ended.vertices
     has_slid = any(each.attempt.slides for each in history)
-    return ended.caught and few and ended.hangs_in_openings and not has_slid and _may_do_more(ended.attempt.stated)
+    is_held = ended.caught or ended.attempt.paddings > 0
+    return is_held and few and ended.hangs_in_openings and not has_slid and _may_do_more(ended.attempt.stated)
 
 
 def _may_do_more(stated: Scene) -> bool:
