@@ -234,7 +234,7 @@ def refitted(kind: str, good: list[Worn], given: argparse.Namespace) -> Iterator
     small = [worn for worn in good if len(worn.points) <= MOST_VERTICES]
     chosen = small[:: max(1, len(small) // COUNTS[kind])][: COUNTS[kind]]
     jobs = [resized(worn.job, kind, folder) for worn in chosen]
-    run_batch(jobs, [], argparse.Namespace(out=folder, device=given.device, workers=given.workers))
+    run_batch(jobs, [], argparse.Namespace(**{**vars(given), "out": folder, "shard": 1, "sheet": 0}))
     shapes, ended = shapes_of(folder / "batch"), rows_of(folder / "batch" / "results.csv")
     for worn, job in zip(chosen, jobs, strict=True):
         name = job["name"]
