@@ -1,4 +1,4 @@
-"""Pieces beside the garment's own: trims of any name, and second layers of bands and yokes."""
+"""Pieces that are no part of the garment: trims of any name, and second layers of bands and yokes."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def measure_starts(outfits: Iterable[Outfit]) -> None:
     """Measures where garments start on their bodies, once for all items that share a garment and a body.
 
     It is two thirds of what ``LimbPlacement.of`` and a scene's problems take, and copies of this process would each
-    measure it anew.
+    measure it again.
     """
     for wearing in dict.fromkeys(own for outfit in outfits for own in outfit.wearing if own is not None):
         wearing.measure_start()
