@@ -45,7 +45,7 @@ def with_godets(parts: Sequence[Part], joints: Sequence[Joint]) -> list[Joint]:
 
 
 def _lower_end(parts: Sequence[Part], joint: Joint) -> tuple[Side, Side] | None:
-    """The edges of both sides of a joint that meet at a hem; None: it ends at none, or there is more than it."""
+    """The edges of both sides of a joint that meet at a hem; None: it ends at none."""
     for end in (0, -1):
         low = joint.one[end], joint.other[end]
         if all(_is_at_hem(parts[side.panel], side.edge) for side in low):
