@@ -1,4 +1,4 @@
-"""Fronts and backs that end between the legs, as of bodysuits and swimsuits."""
+"""Fronts and backs that end between the legs, like those of bodysuits and swimsuits."""
 
 from __future__ import annotations
 

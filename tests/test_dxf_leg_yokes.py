@@ -37,17 +37,22 @@ def flipped(piece: Drafted, across: bool, along: bool) -> Drafted:
     return replace(piece, edges=[edge[::-1] for edge in edges[::-1]] if x * y < 0.0 else edges)
 
 
+def check_all_sewn(path: Path) -> None:
+    """That all seams of the jeans are found and sewn."""
+    draft = read_drafted(path)
+    assert kinds(draft) == SEAMS
+    assert min(joint.confidence for joint in draft.joints) >= 0.9
+    assert not draft.unsewn
+    assert boundary_loops(path, DraftOptions()) == 3
+
+
 @pytest.mark.parametrize("across", [False, True])
 @pytest.mark.parametrize("along", [False, True])
 def test_a_yoke_is_sewn_between_back_and_waistband(across: bool, along: bool, tmp_path: Path) -> None:
     """However it is drawn: which end is at the side, and which edge is the waist, lengths tell."""
     pieces = [flipped(each, across, along) if each.name == "BACK YOKE" else each for each in jeans()]
     path = write(tmp_path / "a.dxf", {"M": pieces})
-    draft = read_drafted(path)
-    assert kinds(draft) == SEAMS
-    assert min(joint.confidence for joint in draft.joints) >= 0.9
-    assert not draft.unsewn
-    assert boundary_loops(path, DraftOptions()) == 3
+    check_all_sewn(path)
 
 
 def whole_yoke() -> list[Drafted]:
@@ -70,11 +75,7 @@ def test_one_yoke_on_the_fold_goes_over_both_legs(along: bool, tmp_path: Path) -
     a, b = pieces[2].fold or ((0.0, 0.0), (0.0, 0.0))
     pieces[2] = replace(yoke, fold=((a[0], -a[1]), (b[0], -b[1])) if along else (a, b))
     path = write(tmp_path / "a.dxf", {"M": pieces})
-    draft = read_drafted(path)
-    assert kinds(draft) == SEAMS
-    assert min(joint.confidence for joint in draft.joints) >= 0.9
-    assert not draft.unsewn
-    assert boundary_loops(path, DraftOptions()) == 3
+    check_all_sewn(path)
 
 
 def test_what_a_yoke_may_belong_between_is_not_sewn_past_it(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ CLOSED = 1e-3  # [m2] by which a front differs from one that was not cut
 
 
 def cut_out(front: Drafted, is_curved: bool) -> Drafted:
-    """The front without the corner above its pocket, the opening a curve as of jeans, or a slash."""
+    """The front without the corner above its pocket, the opening a curve like that of jeans, or a slash."""
     hem, side, waist, crotch, inseam = front.edges
     low, high = cut_at(side, 0.92 if is_curved else 0.84)[0], cut_at(waist, 0.45 if is_curved else 0.15)[1]
     a, b = low[-1], high[0]

@@ -1,4 +1,4 @@
-"""Fronts and backs that end between the legs, as of bodysuits and swimsuits: a narrow crotch, and openings for legs."""
+"""Fronts and backs that end between the legs, like a bodysuit's: a narrow crotch, and openings for legs."""
 
 from __future__ import annotations
 
