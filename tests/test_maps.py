@@ -24,7 +24,7 @@ from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.maps import MAPS, chosen_maps, measure_maps
-from warp_cloth.maps.girths import garment_girths
+from warp_cloth.maps.girths import TrunkLevels, garment_girths
 from warp_cloth.maps.kinds import rounded_up, shown_range
 from warp_cloth.maps.measure import MeasuredBody, measured_girths
 from warp_cloth.material.constants import even_network
@@ -266,7 +266,7 @@ def test_ease_at_the_waist_is_the_rest_girth_less_the_body(body: Mesh) -> None:
     rest = tube(0.2, 0.95, 1.25)
     worn = rest.points * (0.95, 1.0, 0.95)  # pushed together: what counts is the cloth there is
     sheet = build_rest_shape(rest, Fabric(), rest="mesh").sheet
-    rows = {row["level"]: row for row in garment_girths("tube", worn, sheet, body, body_levels(body))}
+    rows = {row["level"]: row for row in garment_girths("tube", worn, sheet, TrunkLevels(body, body_levels(body)))}
     assert set(rows) == {"waist"}
     assert rows["waist"]["natural_girth"] == pytest.approx(2e3 * np.pi * 0.2, rel=1e-3)  # 96 chords
     assert rows["waist"]["garment_girth"] == pytest.approx(0.95 * rows["waist"]["natural_girth"], rel=1e-6)
@@ -282,7 +282,9 @@ def test_what_lies_within_the_trunk_is_no_arm(body: Mesh, inset: float) -> None:
     hollow = Mesh("hollow", np.concatenate([body.points, inner]), twice)
     rest = tube(0.2, 0.95, 1.25)
     sheet = build_rest_shape(rest, Fabric(), rest="mesh").sheet
-    plain, double = (garment_girths("tube", rest.points, sheet, each, body_levels(each)) for each in (body, hollow))
+    plain, double = (
+        garment_girths("tube", rest.points, sheet, TrunkLevels(each, body_levels(each))) for each in (body, hollow)
+    )
     assert plain[0]["closed"] is True
     assert double == plain
 
@@ -297,7 +299,7 @@ def test_a_fold_across_a_level_is_no_ease(body: Mesh) -> None:
     tilt = 0.02 * np.sin(12.0 * np.arctan2(rest.points[:, 2], rest.points[:, 0]))  # so that it goes along them, too
     worn = rest.points + np.stack([np.zeros_like(lift), lift + tilt * (lift != 0.0), np.zeros_like(lift)], axis=1)
     sheet = build_rest_shape(rest, Fabric(), rest="mesh").sheet
-    rows = {row["level"]: row for row in garment_girths("tube", worn, sheet, body, body_levels(body))}
+    rows = {row["level"]: row for row in garment_girths("tube", worn, sheet, TrunkLevels(body, body_levels(body)))}
     assert rows["waist"]["natural_girth"] == pytest.approx(2e3 * np.pi * 0.2, rel=0.02)
 
 
@@ -306,7 +308,7 @@ def test_half_a_garment_goes_not_round(body: Mesh) -> None:
     front = whole.points[whole.triangles].mean(axis=1)[:, 2] > 0.0
     half = replace(whole, triangles=whole.triangles[front])
     sheet = build_rest_shape(half, Fabric(), rest="mesh").sheet
-    (row,) = garment_girths("half", half.points, sheet, body, body_levels(body))
+    (row,) = garment_girths("half", half.points, sheet, TrunkLevels(body, body_levels(body)))
     assert (row["closed"], row["ease"]) == (False, None)
 
 
@@ -333,7 +335,8 @@ def test_cloth_modelled_with_its_thickness_has_no_girth_of_its_own(body: Mesh) -
 def test_sleeves_that_join_at_the_chest_are_left_out(body: Mesh) -> None:
     shirt = tshirt(size="L", edge=0.03, body=MannequinMeasures())
     sheet = build_rest_shape(shirt, Fabric(), rest="uv").sheet
-    rows = {row["level"]: row for row in garment_girths("shirt", shirt.points, sheet, body, body_levels(body))}
+    girths = garment_girths("shirt", shirt.points, sheet, TrunkLevels(body, body_levels(body)))
+    rows = {row["level"]: row for row in girths}
     # its sleeves begin below the chest of a size M body
     assert rows["chest"]["natural_girth"] == pytest.approx(rows["waist"]["natural_girth"], rel=0.03)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,22 @@ class Section:
 def cut(points: Points, triangles: Indices, height: float) -> Section:
     """Section of the mesh at a height [m], in (x, z); a vertex at exactly that height counts as above it."""
     return section_at(points[:, 1] - height, points[:, [0, 2]], triangles)
+
+
+class Sections:
+    """Horizontal sections of one mesh at many heights: how low and high each triangle reaches is found once."""
+
+    def __init__(self, points: Points, triangles: Indices) -> None:
+        """``points`` [m], shape [V, 3]; ``triangles``, shape [F, 3]."""
+        self._points, self._triangles = points, triangles
+        heights = points[:, 1][triangles]
+        self._low, self._high = heights.min(axis=1), heights.max(axis=1)
+
+    def at(self, height: float) -> Section:
+        """The section at a height [m], as of ``cut``."""
+        crossed = np.flatnonzero((self._low < height) & (self._high >= height))
+        section = cut(self._points, self._triangles[crossed], height)
+        return replace(section, faces=crossed[section.faces])
 
 
 def section_at(level: Floats, flat: Floats, triangles: NDArray[np.integer]) -> Section:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.levels import Level, trunk_level
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.base.section import Section, cut
+from warp_cloth.base.section import Section, Sections
 from warp_cloth.material.constants import Sheet
 
 SECTORS = 72  # of 5 degrees around the trunk
@@ -34,9 +34,42 @@ class _Girth:
     closed: bool  # whether it goes all the way around
 
 
-def garment_girths(
-    name: str, points: Points, sheet: Sheet | None, avatar: Mesh, levels: Sequence[Level]
-) -> list[dict[str, Any]]:
+class TrunkLevels:
+    """Levels of a body at which garments are measured; those below the named ones are each found once."""
+
+    def __init__(self, body: Mesh, levels: Sequence[Level]) -> None:
+        """``levels``: chest, waist and hip."""
+        self.named = tuple(_Around(level) for level in levels)
+        self._body, self._others = body, dict[float, "_Around | None"]()
+        low, high = body.bounds()
+        self.floor, self._middle = float(low[1]), 0.5 * float(low[0] + high[0])
+
+    def at(self, height: float) -> _Around | None:
+        """The level at a height [m]; None where there is no trunk."""
+        if height not in self._others:
+            level = trunk_level(self._body, height, self._middle)
+            self._others[height] = None if level is None else _Around(level)
+        return self._others[height]
+
+
+class _Around:
+    """A level of the body, and what tells its trunk from limbs that are apart from it."""
+
+    def __init__(self, level: Level) -> None:
+        self.level = level
+        section = level.section
+        trunk = section.ends[section.part == level.trunk]
+        self.middle = trunk.reshape(-1, 2).mean(axis=0)  # of the trunk, (x, z) [m]
+        middles = {
+            part: section.ends[section.part == part].reshape(-1, 2).mean(axis=0)
+            for part in range(section.part_count)
+            if part != level.trunk
+        }
+        # parts inside the trunk, such as a second skin, are no limbs
+        self.limbs = {part: middle for part, middle in middles.items() if not _encloses(trunk, middle)}
+
+
+def garment_girths(name: str, points: Points, sheet: Sheet | None, trunk: TrunkLevels) -> list[dict[str, Any]]:
     """Girths at each level that the garment reaches [mm].
 
     ``garment_girth`` is the length of the cloth around the trunk as worn, folds included; ``natural_girth`` that of the
@@ -47,16 +80,16 @@ def garment_girths(
     rows: list[dict[str, Any]] = []
     if sheet is None:
         return rows
-    floor = float(avatar.bounds()[0][1])
-    for level in levels:
-        girth = _girth_near(points, sheet, avatar, level)
+    cloth = _Cloth(sheet, Sections(points, sheet.triangles))
+    for around in trunk.named:
+        girth, level = _girth_near(cloth, trunk, around), around.level
         if girth is None:
             continue
         rows.append(
             {
                 "garment": name,
                 "level": level.name,
-                "height": MILLIMETRES * (level.height - floor),
+                "height": MILLIMETRES * (level.height - trunk.floor),
                 "body_girth": MILLIMETRES * level.girth,
                 "garment_girth": MILLIMETRES * girth.worn,
                 "natural_girth": MILLIMETRES * girth.natural,
@@ -67,77 +100,83 @@ def garment_girths(
     return rows
 
 
-def _girth_near(points: Points, sheet: Sheet, avatar: Mesh, level: Level) -> _Girth | None:
+@dataclass(frozen=True, eq=False)
+class _Cloth:
+    """A worn garment: its rest shape, and its sections."""
+
+    sheet: Sheet
+    sections: Sections
+
+
+def _girth_near(cloth: _Cloth, trunk: TrunkLevels, around: _Around) -> _Girth | None:
     """The garment's girth for a level; None if the garment does not reach it."""
-    low, high = avatar.bounds()
-    here, height = level, level.height
-    found = _girth(points, sheet, here, height)
+    level = around.level
+    height = level.height
+    found = _girth(cloth, around, height)
     for drop in np.arange(0.0, LOWER.get(level.name, 0.0) + 0.5 * STEP, STEP)[1:]:
         if found is None or found.closed:
             break
-        body = trunk_level(avatar, level.height - drop, 0.5 * float(low[0] + high[0]))
-        lower = None if body is None else _girth(points, sheet, body, level.height - drop)
-        if body is not None and lower is not None and lower.closed:
-            found, here, height = lower, body, level.height - drop
+        body = trunk.at(level.height - drop)
+        lower = None if body is None else _closed_girth(cloth, body, level.height - drop)
+        if body is not None and lower is not None:
+            found, around, height = lower, body, level.height - drop
     if found is None or not found.closed:
         return found
     above, below = (
-        [_girth(points, sheet, here, height + sign * STEP * step) for step in NEARBY_STEPS] for sign in (1.0, -1.0)
+        [_closed_girth(cloth, around, height + sign * STEP * step) for step in NEARBY_STEPS] for sign in (1.0, -1.0)
     )
     return _girth_off_fold(found, above, below)
 
 
 def _girth_off_fold(found: _Girth, above: Sequence[_Girth | None], below: Sequence[_Girth | None]) -> _Girth:
-    """The girth or, where a fold lies across its level, the nearest one above or below.
+    """The girth or, where a fold lies across its level, the nearest one above or below; all go all the way around.
 
     A plane along such a fold cuts its layers, so the girth is larger than on both sides; a garment that flares grows in
     one direction only.
     """
-    closed = [[girth for girth in side if girth is not None and girth.closed] for side in (above, below)]
+    closed = [[girth for girth in side if girth is not None] for side in (above, below)]
     if not all(closed):
         return found
     most = FOLDED * max(min(girth.natural for girth in side) for side in closed)
-    nearest = (girth for pair in zip(above, below, strict=True) for girth in pair if girth is not None and girth.closed)
+    nearest = (girth for pair in zip(above, below, strict=True) for girth in pair if girth is not None)
     return next(girth for girth in (found, *nearest) if girth.natural <= most)
 
 
-def _girth(points: Points, sheet: Sheet, body: Level, height: float) -> _Girth | None:
-    """The garment's girth at a height [m], around the body's section there; None if it does not reach that height."""
-    section = cut(points, sheet.triangles, height)
+def _girth(cloth: _Cloth, around: _Around, height: float) -> _Girth | None:
+    """The garment's girth at a height [m]; None if it does not reach that height."""
+    section = cloth.sections.at(height)
     if not len(section.faces):
         return None
-    ring = _ring(section, body)
-    chosen = _near_the_trunk(section.ends, body) if ring is None else section.part == ring
-    ends = section.ends[chosen]
-    if ring is None and _covered(ends, body) < PRESENT:
-        return None
-    flat = np.einsum("sek,skd->sed", section.weights[chosen], sheet.flat[section.faces[chosen]])
-    worn, natural = (float(np.linalg.norm(each[:, 1] - each[:, 0], axis=1).sum()) for each in (ends, flat))
-    return _Girth(worn, natural, ring is not None)
+    if (ring := _ring(section, around)) is not None:
+        return _measured(cloth, section, section.part == ring, closed=True)
+    chosen = _near_the_trunk(section.ends, around)
+    return None if _covered(section.ends[chosen], around) < PRESENT else _measured(cloth, section, chosen, closed=False)
 
 
-def _ring(section: Section, level: Level) -> int | None:
+def _closed_girth(cloth: _Cloth, around: _Around, height: float) -> _Girth | None:
+    """The garment's girth at a height [m]; None if it does not go all the way around there."""
+    section = cloth.sections.at(height)
+    ring = _ring(section, around)
+    return None if ring is None else _measured(cloth, section, section.part == ring, closed=True)
+
+
+def _measured(cloth: _Cloth, section: Section, chosen: NDArray[np.bool_], *, closed: bool) -> _Girth:
+    """Length of these segments of a section."""
+    flat = np.einsum("sek,skd->sed", section.weights[chosen], cloth.sheet.flat[section.faces[chosen]])
+    worn, natural = (
+        float(np.linalg.norm(each[:, 1] - each[:, 0], axis=1).sum()) for each in (section.ends[chosen], flat)
+    )
+    return _Girth(worn, natural, closed)
+
+
+def _ring(section: Section, around: _Around) -> int | None:
     """The part of a garment's section that encloses the trunk and no arm; the longest of several."""
-    trunk, others = _middle(level, level.trunk), [_middle(level, part) for part in _limbs(level)]
     rings = []
     for part in set(range(section.part_count)) - section.open_parts:
         ends = section.ends[section.part == part]
-        if _encloses(ends, trunk) and not any(_encloses(ends, other) for other in others):
+        if _encloses(ends, around.middle) and not any(_encloses(ends, limb) for limb in around.limbs.values()):
             rings.append((float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()), part))
     return max(rings)[1] if rings else None
-
-
-def _middle(level: Level, part: int) -> NDArray[np.float64]:
-    """Middle of a part of the body's section, (x, z) [m]."""
-    middle: NDArray[np.float64] = level.section.ends[level.section.part == part].reshape(-1, 2).mean(axis=0)
-    return middle
-
-
-def _limbs(level: Level) -> list[int]:
-    """Parts of the body's section outside the trunk; those inside it, such as a second skin, do not count."""
-    trunk = level.section.ends[level.section.part == level.trunk]
-    others = (part for part in range(level.section.part_count) if part != level.trunk)
-    return [part for part in others if not _encloses(trunk, _middle(level, part))]
 
 
 def _encloses(ends: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
@@ -149,21 +188,20 @@ def _encloses(ends: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
     return bool((across & (crossing > 0.0)).sum() % 2)
 
 
-def _near_the_trunk(ends: NDArray[np.float64], level: Level) -> NDArray[np.bool_]:
+def _near_the_trunk(ends: NDArray[np.float64], around: _Around) -> NDArray[np.bool_]:
     """Whether segments are nearer to the trunk than to any limb, shape [S]."""
-    middle = ends.mean(axis=1)
-    body, part = level.section.ends.mean(axis=1), level.section.part
-    distance = ((middle[:, None, :] - body[None, :, :]) ** 2).sum(axis=2)
-    return ~np.isin(part[np.argmin(distance, axis=1)], _limbs(level))
+    section = around.level.section
+    middle, body = ends.mean(axis=1), section.ends.mean(axis=1)
+    distance = (middle[:, 0, None] - body[:, 0]) ** 2 + (middle[:, 1, None] - body[:, 1]) ** 2
+    return ~np.isin(section.part[np.argmin(distance, axis=1)], list(around.limbs))
 
 
-def _covered(ends: NDArray[np.float64], level: Level) -> float:
+def _covered(ends: NDArray[np.float64], around: _Around) -> float:
     """Fraction of the directions from the trunk's middle in which there is cloth."""
-    trunk = level.section.ends[level.section.part == level.trunk]
     # long edges cross several sectors
     t = np.linspace(0.0, 1.0, ALONG)[:, None, None]
     samples = (1.0 - t) * ends[:, 0] + t * ends[:, 1]
-    direction = samples.reshape(-1, 2) - trunk.reshape(-1, 2).mean(axis=0)
+    direction = samples.reshape(-1, 2) - around.middle
     sector = (
         np.floor((np.arctan2(direction[:, 1], direction[:, 0]) / (2.0 * np.pi) + 0.5) * SECTORS).astype(int) % SECTORS
     )

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.anatomy.levels import Level, body_levels
+from warp_cloth.anatomy.levels import body_levels
 from warp_cloth.avatar.exact import signed_distances
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.stored_value import stored_value
 from warp_cloth.garment.garment import Garment
-from warp_cloth.maps.girths import garment_girths
+from warp_cloth.maps.girths import TrunkLevels, garment_girths
 from warp_cloth.maps.kinds import MAPS, shown_range
 from warp_cloth.material.strain import face_strains, vertex_areas, vertex_means
 from warp_cloth.model.result import FitMaps, FitResult, WornGarment
@@ -94,13 +94,13 @@ class MeasuredBody:
     """A body with what girths are measured against; the same for all garments on it."""
 
     avatar: Mesh
-    surface: Mesh  # the avatar, closed
-    levels: Sequence[Level] | None  # chest, waist and hip; None: it does not stand
+    trunk: TrunkLevels | None  # with chest, waist and hip; None: it does not stand
 
     @classmethod
     def of(cls, avatar: Mesh) -> MeasuredBody:
         surface = closing_of(avatar).surface(avatar)
-        return cls(avatar, surface, stored_value("levels", ("anatomy", "base"), body_levels, surface))
+        levels = stored_value("levels", ("anatomy", "base"), body_levels, surface)
+        return cls(avatar, None if levels is None else TrunkLevels(surface, levels))
 
 
 def measured_girths(garments: Sequence[WornGarment], body: MeasuredBody | None) -> tuple[list[dict[str, Any]], str]:
@@ -109,7 +109,7 @@ def measured_girths(garments: Sequence[WornGarment], body: MeasuredBody | None) 
         return [], "there is no body"
     if not all(np.isfinite(worn.points).all() for worn in garments):
         return [], "the garment's shape is not finite"
-    if body.levels is None:
+    if body.trunk is None:
         return [], "the body does not stand with its head, its feet, and arms apart from its trunk"
     rows: list[dict[str, Any]] = []
     closed: list[str] = []
@@ -118,7 +118,7 @@ def measured_girths(garments: Sequence[WornGarment], body: MeasuredBody | None) 
         if sheet is not None and not sheet.topology.boundary_loops:
             closed.append(worn.name)
             continue
-        rows += garment_girths(worn.name, worn.points, sheet, body.surface, body.levels)
+        rows += garment_girths(worn.name, worn.points, sheet, body.trunk)
     lack = "no garment goes round the trunk at chest, waist or hip"
     if closed:
         lack = f'"{closed[0]}" is modelled with its thickness, so that a section has its inside and its outside'
