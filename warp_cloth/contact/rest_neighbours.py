@@ -21,9 +21,11 @@ def rest_near_rows(
     itself = np.arange(vertex_count)
     pairs = np.stack([itself, itself], axis=1)
     pairs = np.concatenate([pairs, _within(rest, vertex_count, distance), _across(triangles, rest, distance)])
-    pairs = np.unique(np.concatenate([pairs, pairs[:, ::-1]]), axis=0)
-    starts, order = ragged_rows(pairs[:, 0], vertex_count)
-    return starts, pairs[order, 1].astype(np.int32)
+    first, second = np.concatenate([pairs, pairs[:, ::-1]]).T
+    first, second = np.divmod(np.unique(first * vertex_count + second), vertex_count)
+    starts = np.zeros(vertex_count + 1, dtype=np.int32)
+    np.cumsum(np.bincount(first, minlength=vertex_count), out=starts[1:])
+    return starts, second.astype(np.int32)
 
 
 def _within(rest: RestShape, vertex_count: int, distance: float) -> NDArray[np.int64]:

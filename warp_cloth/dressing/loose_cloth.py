@@ -43,7 +43,12 @@ def met(loose: Sequence[Indices], points: Points, before: Sequence[Points], afte
         moves = np.linalg.norm(after[limb] - before[limb], axis=1)
         if not len(vertices) or float(moves.max()) <= STEP:
             continue
-        cloth, middles = points[vertices], 0.5 * (before[limb] + after[limb])
+        reach, middles = HAND + 0.5 * moves, 0.5 * (before[limb] + after[limb])
+        low, high = middles.min(axis=0) - reach.max(), middles.max(axis=0) + reach.max()
+        cloth = points[vertices]
+        cloth = cloth[((cloth > low) & (cloth < high)).all(axis=1)]  # that anything of the limb can reach
+        if not len(cloth):
+            continue
         away = np.linalg.norm(cloth[nearest_points(cloth, middles)] - middles, axis=1)
-        farthest = max(farthest, float(moves[away < HAND + 0.5 * moves].max(initial=0.0)))
+        farthest = max(farthest, float(moves[away < reach].max(initial=0.0)))
     return farthest

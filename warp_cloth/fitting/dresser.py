@@ -29,7 +29,7 @@ from warp_cloth.dressing.straps import tugged
 from warp_cloth.fitting.body_collider import BodyCollider
 from warp_cloth.fitting.film import DressedShape, Dressing
 from warp_cloth.fitting.problem import build_problem
-from warp_cloth.garment.outfit import Outfit, garments_in
+from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.attempt import TORN, Attempt, Patience
 from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.scene import Scene
@@ -90,6 +90,7 @@ class Dresser:
     ) -> None:
         """
         Args:
+            outfit: with its garments in the fabric that is sewn.
             offset: of the garment from the skin [m].
             lifted: whether what is sewn is moved to where it started at once, not pulled on.
             watching: whether shapes are kept for the film.
@@ -101,7 +102,7 @@ class Dresser:
             raise ValueError("the garment has no openings, or the avatar no limbs")
         self.wearing, self._avatar, self._device = wearing, avatar, device
         sewing = sewing_scene_of(scene, offset)
-        garments = garments_in(sewing, outfit.meshes)
+        garments = outfit.garments
         if worn is None:
             (garment,) = garments
             garments = (replace(garment, points=parted(wearing, wearing.onto)),)

@@ -18,10 +18,12 @@ from warp_cloth.base.mesh import Points
 from warp_cloth.fitting.dresser import GROWING_STEPS, STEPS, Dresser, PosedStart
 from warp_cloth.fitting.film import Dressing
 from warp_cloth.fitting.problem import Problem
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import Outfit
+from warp_cloth.garment.rest import in_another_fabric
 from warp_cloth.model.result import LevelRun
 from warp_cloth.scene import Scene
-from warp_cloth.scene.sewing import SLOW_MOMENTUM
+from warp_cloth.scene.sewing import FABRIC, SLOW_MOMENTUM
 
 OFFSET = 0.003  # [m] of the innermost garment
 LAYER = 0.006  # [m] that each further garment is farther out
@@ -32,7 +34,7 @@ class _Lone(NamedTuple):
     """A lone scene, or one garment of it by itself, and how it is dressed."""
 
     scene: Scene
-    outfit: Outfit
+    outfit: Outfit  # with its garments in the fabric that is sewn
     device: str
     offset: float  # [m]
     clock: StageClock
@@ -52,38 +54,50 @@ def start_posed(
     starts = []
     for index, garment in enumerate(outfit.garments):
         sources = outfit.avatar, garment.points, garment.rest.topology
-        make = partial(_sewn_and_carried, _lone(problem, index, clock), watching=watching, lifted=lifted)
+        make = partial(_sewn_and_carried, _lone(problem, index, cache, clock), watching=watching, lifted=lifted)
         starts.append(cache.get_or_make(CACHE_NAME, sources, make, index, *how))
     if watched is not None:
         watched[:] = [start.shapes for start in starts]
     return _placed(problem, starts, clock)
 
 
-def start_thinned(problem: Problem, clock: StageClock) -> tuple[LevelRun, ...]:
+def start_thinned(problem: Problem, cache: Cache, clock: StageClock) -> tuple[LevelRun, ...]:
     """Untangles a lone scene's garments where they lie on the body, all together; returns what that relaxed.
 
     What lies on a body is drawn over it, and folds that pass through each other stay, of one garment or of two. So the
     body is thinned within the garments, the cloth untangles as the light sheet that is sewn, and the body grows again.
     """
     (scene,), (outfit,), worn = problem.scenes, problem.loaded, problem.model.points()
-    whole = _Lone(scene, replace(outfit, predrape_garments=()), str(problem.model.device), OFFSET, clock)
+    sewn = replace(outfit, garments=_sewn_garments(outfit.garments, cache), predrape_garments=())
+    whole = _Lone(scene, sewn, str(problem.model.device), OFFSET, clock)
     start = _untangled(whole, worn)
     return _placed(problem, [start if start.points is not None else replace(start, points=worn)], clock)
 
 
-def _lone(problem: Problem, index: int, clock: StageClock) -> _Lone:
+def _lone(problem: Problem, index: int, cache: Cache, clock: StageClock) -> _Lone:
     """A lone scene's garment of this number, by itself."""
     (scene,), (outfit,) = problem.scenes, problem.loaded
     one = slice(index, index + 1)
     lone = replace(
         outfit,
         meshes=outfit.meshes[one],
-        garments=outfit.garments[one],
+        garments=_sewn_garments(outfit.garments[one], cache),
         wearing=outfit.wearing[one],
         predrape_garments=(),
     )
     alone = scene.model_copy(update={"garments": scene.garments[one]})
     return _Lone(alone, lone, str(problem.model.device), OFFSET + index * LAYER, clock)
+
+
+def _sewn_garments(garments: Sequence[Garment], cache: Cache) -> tuple[Garment, ...]:
+    """The garments in the fabric that is sewn, whose constants are the same on every body and in every attempt."""
+
+    def sewn(garment: Garment) -> Garment:
+        rest = garment.rest
+        make = partial(in_another_fabric, rest, len(garment.points), FABRIC)
+        return replace(garment, rest=cache.get_or_make("sewn", (rest.topology, rest.edge_length), make))
+
+    return tuple(map(sewn, garments))
 
 
 def _placed(problem: Problem, starts: Sequence[PosedStart], clock: StageClock) -> tuple[LevelRun, ...]:

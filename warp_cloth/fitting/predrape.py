@@ -82,7 +82,7 @@ def prepare_start(
     ``watched`` takes the shapes of each garment while it is dressed.
     """
     if problem.attempts[0].thins:
-        return start_thinned(problem, clock)
+        return start_thinned(problem, cache, clock)
     if problem.attempts[0].posed:
         return start_posed(problem, cache, clock, watched)
     predrape = build_predrape(problem, cache, clock)

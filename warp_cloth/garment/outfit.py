@@ -179,15 +179,6 @@ def load_avatar(scene: Scene) -> Mesh:
     return avatar
 
 
-def garments_in(scene: Scene, meshes: Sequence[Mesh]) -> tuple[Garment, ...]:
-    """A scene's garments from meshes that are loaded already."""
-    garments = []
-    for spec, key, mesh in zip(scene.garments, scene.garment_keys, meshes, strict=True):
-        rest, pins = rest_and_pins(mesh, rest_geometry(mesh, spec, key), spec, key)
-        garments.append(Garment(mesh.points, mesh.triangles, rest, pins))
-    return tuple(garments)
-
-
 def _worn_by(garment: Garment, skeleton: Skeleton) -> Wearing | None:
     rest = garment.rest
     openings = openings_of(rest.topology, garment.triangles, rest.edge_length, len(garment.points))

@@ -205,6 +205,14 @@ def rest_in_fabric(geometry: RestGeometry, vertex_count: int, fabric: Fabric) ->
     return replace(shape, notes=geometry.notes + notes)
 
 
+def in_another_fabric(rest: RestShape, vertex_count: int, fabric: Fabric) -> RestShape:
+    """The same garment's rest shape in this fabric."""
+    if rest.sheet is None:
+        raise ValueError("a garment whose panels are not known has no other fabric")
+    geometry = RestGeometry(rest.edge_length, rest.sheet, rest.area, rest.hinge_angle, rest.corners, source=rest.source)
+    return rest_in_fabric(geometry, vertex_count, fabric)
+
+
 def build_rest_geometry(
     mesh: Mesh, options: RestOptions, *, place: str = "garment", key: str = "garment"
 ) -> RestGeometry:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.mesh import Points, vertex_normals
+from warp_cloth.base.mesh import Indices, Points, vertex_normals
+from warp_cloth.base.stored_value import SMALLEST, stored
 from warp_cloth.garment.folds import fold_angles
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import constants_of
 from warp_cloth.material.constants import Sheet
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.solver.implicit.coarsen import Coarsening, Pattern, coarsen, rest_pattern
+from warp_cloth.solver.implicit.coarsen import Coarsening, Flags, Pattern, coarsen, rest_pattern
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +52,15 @@ def build_hierarchy(garment: Garment) -> Hierarchy:
         return Hierarchy(garment, None, ())
     pinned = np.zeros(len(garment.points), dtype=bool)
     pinned[garment.pins] = True
-    pattern = cloth = rest_pattern(garment.triangles, garment.rest.corners, pinned)
+    parts = garment.triangles, garment.rest.corners, pinned
+    make = partial(_coarsened, *parts)
+    found = make() if len(pinned) < SMALLEST else stored("coarsenings", ("solver/implicit", "base"), make, *parts)
+    return Hierarchy(garment, *found)
+
+
+def _coarsened(triangles: Indices, corners: Floats, pinned: Flags) -> tuple[Pattern, tuple[Coarsening, ...]]:
+    """A garment's rest shape, and its coarser versions, finest first; arguments as of ``rest_pattern``."""
+    pattern = cloth = rest_pattern(triangles, corners, pinned)
     coarsenings: list[Coarsening] = []
     while len(cloth.pinned) >= RATIO * FEWEST:
         found = coarsen(cloth, len(cloth.pinned) // RATIO)
@@ -58,7 +68,7 @@ def build_hierarchy(garment: Garment) -> Hierarchy:
             break
         coarsenings.append(found)
         cloth = found.cloth
-    return Hierarchy(garment, pattern, tuple(coarsenings))
+    return pattern, tuple(coarsenings)
 
 
 def prolong_shape(coarse: Coarsening, points: Points, garment: Garment) -> Points:
