@@ -8,10 +8,13 @@ import sys
 import numpy as np
 import pytest
 from cloths import grid
+from scipy.ndimage import distance_transform_edt
 
 from warp_cloth.base import chunks, row_sums
+from warp_cloth.base.compiled_scipy import compiled_scipy
 from warp_cloth.base.row_sums import RowSums
 from warp_cloth.base.topology import build_topology, ragged_rows
+from warp_cloth.dressing.free_space import cells_off
 
 WIDTH = 41  # of a grid whose rows take several parts
 LONG = 64  # entries of a row, as few have
@@ -80,9 +83,19 @@ def test_there_may_be_no_entries_at_all() -> None:
     assert len(RowSums(none, none, 0)(np.zeros(0))) == 0
 
 
-def test_scipy_has_the_product_where_it_is_looked_for() -> None:
-    """It is no public module: a SciPy that moves it costs time, not bits."""
-    assert row_sums.sparse_tools() is not None
+@pytest.mark.parametrize(
+    "module",
+    [("sparse", "_sparsetools", "csr_matvec", "csr_matvecs"), ("ndimage", "_nd_image", "euclidean_feature_transform")],
+)
+def test_scipy_has_what_is_taken_from_it_where_it_is_looked_for(module: tuple[str, ...]) -> None:
+    """These are no public modules: a SciPy that moves one costs time, not bits."""
+    assert compiled_scipy(*module) is not None
+    assert compiled_scipy(*module, "what no module has") is None
+
+
+def test_cells_are_as_far_from_cloth_as_scipy_has_it() -> None:
+    filled = np.random.default_rng(3).random((12, 20, 9)) < 0.01
+    assert np.array_equal(cells_off(filled), distance_transform_edt(~filled))
 
 
 def test_the_product_is_loaded_without_the_package_around_it() -> None:

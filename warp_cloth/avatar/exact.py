@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.avatar.depth import DEFAULT_REACH, sampled
 from warp_cloth.base.bins import consecutive_bins
-from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.kernels.avatar import closest as kernels
 from warp_cloth.kernels.avatar.nearest_face import Surface, choose_nearest_faces
 from warp_cloth.model.result import Penetration
@@ -43,6 +43,11 @@ class ExactCollider:
     orientation: float = 1.0  # -1 where the avatar was inside out
 
     @property
+    def corners(self) -> Indices:
+        """Vertices of the mesh's triangles, shape [F, 3]."""
+        return _facing(self.avatar, self.orientation)
+
+    @property
     def device(self) -> wp.Device:
         return self.mesh.device
 
@@ -67,7 +72,7 @@ class ExactCollider:
         face, weights = wp.empty_like(found), wp.zeros(len(queries), dtype=wp.vec3d, device=self.device)
         find = [self.mesh.id, queries], [rough, found, unused]
         wp.launch(kernels.find_closest, dim=len(queries), inputs=find[0], outputs=find[1], device=self.device)
-        corners, places = self.mesh.indices.numpy().reshape(-1, 3), wp.array(points, dtype=wp.vec3d, device=self.device)
+        corners, places = self.corners, wp.array(points, dtype=wp.vec3d, device=self.device)
         surface = Surface()
         surface.mesh, surface.origin = self.mesh.id, self.collider.origin
         surface.points = wp.array(self.avatar.points, dtype=wp.vec3d, device=self.device)
@@ -89,6 +94,11 @@ class ExactCollider:
         return sampled(kernels.sample_mesh, self.collider, points, self.device)
 
 
+def _facing(avatar: Mesh, orientation: float) -> Indices:
+    """The avatar's triangles, turned over where the orientation is negative, shape [F, 3]."""
+    return avatar.triangles if orientation > 0.0 else np.ascontiguousarray(avatar.triangles[:, ::-1])
+
+
 def build_exact_collider(
     avatar: Mesh,
     device: wp.DeviceLike = None,
@@ -102,10 +112,8 @@ def build_exact_collider(
     """
     lower, upper = avatar.bounds()
     origin = 0.5 * (lower + upper)
-    points, triangles = avatar.points - origin, avatar.triangles
-    orientation = -1.0 if signed and avatar.inside_out else 1.0
-    if orientation < 0.0:
-        triangles = np.ascontiguousarray(triangles[:, ::-1])
+    points, orientation = avatar.points - origin, -1.0 if signed and avatar.inside_out else 1.0
+    triangles = _facing(avatar, orientation)
     mesh = wp.Mesh(
         points=wp.array(points.astype(np.float32), dtype=wp.vec3f, device=device),
         indices=wp.array(triangles.reshape(-1), dtype=wp.int32, device=device),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import warp as wp
@@ -21,14 +22,27 @@ class LayeredBuffers:
     origin: NDArray[np.float64]  # [m], shape [3]
     size: NDArray[np.float64]  # extent of the region [m], shape [3]
     views: tuple[kernels.LayeredView, ...]  # along x, y, z
-    layers: tuple[int, ...]  # most intervals under a pixel, along x, y, z
-    unbalanced: int  # pixels, of all three views, whose surfaces do not pair up: the mesh does not enclose a solid
     level = kernels.layered_level
     solid_type = kernels.LayeredSolid
 
     @property
     def device(self) -> wp.Device:
         return self.views[0].ends.device
+
+    @cached_property
+    def _counts(self) -> list[NDArray[np.int32]]:
+        """Intervals under the pixels of each view; read where they are asked for, as a body in motion needs none."""
+        return [view.count.numpy() for view in self.views]
+
+    @property
+    def layers(self) -> tuple[int, ...]:
+        """Most intervals under a pixel, along x, y, z."""
+        return tuple(max(int(count.max()), 0) for count in self._counts)
+
+    @property
+    def unbalanced(self) -> int:
+        """Pixels, of all three views, whose surfaces do not pair up: the mesh does not enclose a solid."""
+        return sum(int((count == kernels.UNBALANCED).sum()) for count in self._counts)
 
     @property
     def names(self) -> list[str]:
@@ -57,21 +71,16 @@ def build_layered_buffers(
     Along its own direction each view sees the whole avatar, also what lies outside the box.
     """
     origin, size, local, faces = local_avatar(points, triangles, lower, upper, pixel, device)
-    views, layers, unbalanced = [], [], 0
-    for axis in range(3):
-        columns, rows = image_shape(size[(axis + 1) % 3], size[(axis + 2) % 3], pixel)
-        view = _draw(local, faces, axis, pixel, columns, rows)
-        found = view.count.numpy()
-        views.append(view)
-        layers.append(max(int(found.max()), 0))
-        unbalanced += int((found == kernels.UNBALANCED).sum())
-    return LayeredBuffers(pixel, origin, size, tuple(views), tuple(layers), unbalanced)
+    shapes = [image_shape(size[(axis + 1) % 3], size[(axis + 2) % 3], pixel) for axis in range(3)]
+    views = [_draw(local, faces, axis, pixel, *shape) for axis, shape in enumerate(shapes)]
+    return LayeredBuffers(pixel, origin, size, tuple(views))
 
 
 def _draw(local: wp.array, faces: wp.array, axis: int, pixel: float, columns: int, rows: int) -> kernels.LayeredView:
     """One view: its surfaces counted, stored, then sorted and paired."""
     device = local.device
-    count = wp.zeros(columns * rows, dtype=wp.int32, device=device)
+    pixels = columns * rows
+    count = wp.zeros(pixels + 1, dtype=wp.int32, device=device)  # the last stays 0: there its scan has the total
     nowhere = wp.empty(0, dtype=wp.vec2f, device=device)
     start = wp.empty_like(count)
     image = kernels.LayerImage()
@@ -79,12 +88,12 @@ def _draw(local: wp.array, faces: wp.array, axis: int, pixel: float, columns: in
     inputs = [local, faces, image, start]
     wp.launch(kernels.draw_layers, dim=len(faces), inputs=[*inputs, False], outputs=[count, nowhere], device=device)
     wp.utils.array_scan(count, start, inclusive=False)
-    total = int(start[-1:].numpy()[0] + count[-1:].numpy()[0])
+    total = int(start[-1:].numpy()[0])
     surfaces = wp.empty(max(total, 1), dtype=wp.vec2f, device=device)
     count.zero_()
     wp.launch(kernels.draw_layers, dim=len(faces), inputs=[*inputs, True], outputs=[count, surfaces], device=device)
-    wp.launch(kernels.pair_layers, dim=len(count), inputs=[start, surfaces, count], device=device)
+    wp.launch(kernels.pair_layers, dim=pixels, inputs=[start, surfaces, count], device=device)
     view = kernels.LayeredView()
     view.columns, view.rows = columns, rows
-    view.start, view.count, view.ends = start, count, surfaces
+    view.start, view.count, view.ends = start, count[:pixels], surfaces
     return view

@@ -10,15 +10,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from importlib.machinery import PathFinder
-from importlib.util import find_spec, module_from_spec
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.chunks import map_chunks
+from warp_cloth.base.compiled_scipy import compiled_scipy
 from warp_cloth.base.topology import ragged_rows
 
 Floats = NDArray[np.float64]
@@ -111,17 +109,9 @@ class _Compiled:
         return sums
 
 
-@functools.cache
 def sparse_tools() -> Any:
     """SciPy's compiled products of sparse matrices; None where they are not found."""
-    package = find_spec("scipy")
-    inside = () if package is None else package.submodule_search_locations or ()
-    found = PathFinder.find_spec("_sparsetools", [str(Path(place) / "sparse") for place in inside])
-    if found is None or found.loader is None:
-        return None
-    tools = module_from_spec(found)
-    found.loader.exec_module(tools)
-    return tools if hasattr(tools, "csr_matvec") and hasattr(tools, "csr_matvecs") else None
+    return compiled_scipy("sparse", "_sparsetools", "csr_matvec", "csr_matvecs")
 
 
 @functools.cache

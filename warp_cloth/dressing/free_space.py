@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats, empty_heap
+from warp_cloth.base.compiled_scipy import compiled_scipy
 from warp_cloth.base.mesh import Indices, Points
 
 if TYPE_CHECKING:
@@ -35,8 +36,6 @@ class FreeSpace:
     @classmethod
     def around(cls, points: Points, triangles: Indices) -> FreeSpace:
         """The space around a garment at ``points`` [m], shape [V, 3]."""
-        from scipy.ndimage import distance_transform_edt
-
         low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
         cell = max(CELL, float(np.cbrt(np.prod(high - low) / MOST_CELLS)))
         shape = np.ceil((high - low) / cell).astype(np.int64) + 1
@@ -50,7 +49,7 @@ class FreeSpace:
             for part in np.array_split(own, max(1, len(own) * len(weights) // BLOCK)):
                 samples = np.einsum("sk,fkx->fsx", weights, part).reshape(-1, 3)
                 filled[tuple(np.floor((samples - low) / cell).astype(np.int64).T)] = True
-        return cls(low, cell, np.asarray(distance_transform_edt(~filled), dtype=np.float64) * cell)
+        return cls(low, cell, cells_off(filled) * cell)
 
     def clearances(self, points: Points) -> Floats:
         """Distance from the cloth [m] at ``points`` [m], shape [N, 3]; infinite beyond the grid."""
@@ -120,6 +119,19 @@ class FreeSpace:
         cost = 1.0 + (NEAR / np.maximum(self.clearance, self.cell)) ** 2
         cost[self.clearance <= 0.0] = np.inf
         return wp.array(cost, dtype=wp.float64, device="cpu")
+
+
+def cells_off(filled: NDArray[np.bool_]) -> Floats:
+    """How many cells each is from the nearest filled one, 0 within it, shape [X, Y, Z]."""
+    tools = compiled_scipy("ndimage", "_nd_image", "euclidean_feature_transform")
+    if tools is None:
+        from scipy.ndimage import distance_transform_edt
+
+        return np.asarray(distance_transform_edt(~filled), dtype=np.float64)
+    nearest = np.zeros((filled.ndim, *filled.shape), dtype=np.int32)
+    tools.euclidean_feature_transform((~filled).astype(np.int8), None, nearest)
+    off = nearest - np.indices(filled.shape, dtype=np.int32)
+    return np.asarray(np.sqrt((off.astype(np.float64) ** 2).sum(axis=0)))
 
 
 def _weights(count: int) -> NDArray[np.float64]:
