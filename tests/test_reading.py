@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cloths import tube
 from meshfiles import write_obj, write_panels
 
 from warp_cloth.anatomy.openings import ARMS, LEGS, OPEN, limbs_for
@@ -185,6 +186,22 @@ def test_a_body_in_inches_that_lies_down_stands_up_round_its_garment(tmp_path: P
     assert outfit.avatar.points == pytest.approx(body.points, abs=1e-4)
     with pytest.raises(InputError, match="away from the avatar"):  # what is stated stays
         load_outfit(load_scene(garment, {"avatar.up": "y"}, on=tmp_path / "body.obj"))
+
+
+@pytest.mark.parametrize("z_up", [False, True])
+def test_a_small_garment_in_millimetres_is_read_so(tmp_path: Path, z_up: bool) -> None:
+    """Of 18 cm, it would be 1.8 m in centimetres, a usual size, but beside the body."""
+    body = mannequin(SIZE_BODIES["M"])
+    write_obj(tmp_path / "body.obj", body.points, body.triangles)
+    gaiter = tube(0.09, 1.3, 1.45)
+    in_file = 1000.0 * (gaiter.points[:, [0, 2, 1]] * [1.0, -1.0, 1.0] if z_up else gaiter.points)
+    write_obj(tmp_path / "gaiter.obj", in_file, gaiter.triangles)
+    outfit = load_outfit(load_scene(tmp_path / "gaiter.obj", on=tmp_path / "body.obj"))
+    wanted = {"garment.units": "mm", **({"garment.up": "z"} if z_up else {})}
+    assert {choice.key: choice.value for choice in outfit.readings} == wanted
+    assert outfit.meshes[0].points == pytest.approx(gaiter.points, abs=1e-4)
+    with pytest.raises(InputError, match="away from the avatar"):  # what is stated stays
+        load_outfit(load_scene(tmp_path / "gaiter.obj", {"garment.units": "cm"}, on=tmp_path / "body.obj"))
 
 
 def test_a_body_and_its_garment_from_a_tool_with_z_up_both_stand(tmp_path: Path, tshirt: Mesh) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple, TypeVar
@@ -28,7 +29,7 @@ from warp_cloth.garment.making import (
     values_of,
 )
 from warp_cloth.garment.mistaken import refuse_bodies
-from warp_cloth.garment.reading import cloths_of, read_again, read_body_again, stand_up, with_doubts
+from warp_cloth.garment.reading import cloths_of, read_again, read_sizes_again, stand_up, with_doubts
 from warp_cloth.garment.rest import RestGeometry, RestShape
 from warp_cloth.loading import check_sizes
 from warp_cloth.scene import AvatarSpec, BodyMeasures, GarmentSpec, MannequinShape, Scene
@@ -134,12 +135,16 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     except InputError:
         garments = _garments(scene, worn, keys, cache)
         wearing = _wearing(scene, garments, keys, avatar, cache)
-        outfit = _read_as(*read_again(scene, cloths_of(worn, garments, wearing)), cache)
-        outfit = outfit or _read_as(*read_body_again(scene, keyed, avatar), cache)
-        outfit = outfit or _read_as(*stand_up(scene, keyed, avatar, find_skeleton), cache)
-        if outfit is None:
-            raise
-        return outfit
+        for read in (
+            partial(read_again, scene, cloths_of(worn, garments, wearing)),
+            partial(read_sizes_again, scene, keyed, avatar),
+            partial(stand_up, scene, keyed, avatar, find_skeleton),
+        ):
+            with suppress(InputError):  # the scene's own is told where no reading helps
+                outfit = _read_as(*read(), cache)
+                if outfit is not None:
+                    return outfit
+        raise
     standing = _read_as(*stand_up(scene, keyed, avatar, find_skeleton), cache)
     if standing is not None:
         return standing

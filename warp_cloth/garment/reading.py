@@ -21,7 +21,15 @@ from warp_cloth.base.units import METRES_PER, LengthUnit
 from warp_cloth.garment.front import CERTAIN, DOUBTFUL, Front, front_of
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
-from warp_cloth.loading import AXIS_UNKNOWN, Placement, fitting_reading, from_z_up, lies, was_guessed
+from warp_cloth.loading import (
+    AXIS_UNKNOWN,
+    Placement,
+    fitting_reading,
+    from_z_up,
+    is_of_fitting_size,
+    lies,
+    was_guessed,
+)
 from warp_cloth.scene import GarmentSpec, Scene, TshirtShape
 from warp_cloth.scene.wearables import Wearable
 
@@ -101,24 +109,37 @@ def with_doubts(scene: Scene, cloths: Sequence[Cloth]) -> tuple[Mesh, ...]:
     return tuple(noted)
 
 
-def read_body_again(
+def read_sizes_again(
     scene: Scene, garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None
 ) -> tuple[Scene, list[Choice]]:
-    """The scene with the body in another unit, and standing up, where only so it fits the first garment, and why.
+    """The scene with what only so fits in another unit, and standing up, and why: garments, else the body.
 
-    Else the same scene. What its author states stays.
+    Else the same scene. What its author states stays. The first garment tells the body's unit.
     """
-    spec = scene.avatar
-    if spec is None or avatar is None or not was_guessed(avatar) or spec.up is not None:
+    if scene.avatar is None or avatar is None:
         return scene, []
-    key, garment = garments[0]
-    reading = fitting_reading(key, garment, avatar)
-    if not reading or not all(name.startswith("avatar.") for name in reading):
-        return scene, []
+    specs, choices = list(scene.garments), []
+    for index, (spec, (key, garment)) in enumerate(zip(scene.garments, garments, strict=True)):
+        if is_of_fitting_size(garment, avatar) or spec.mesh is None:
+            continue
+        changes = _read_in(key, spec, garment, fitting_reading(key, garment, avatar))
+        up = ", with y up," if "up" in changes else ""
+        reason = f"in {garment.unit}{up} it would not fit the body, or lie beside it"
+        choices += [Choice(f"{key}.{name}", value, reason) for name, value in changes.items()]
+        specs[index] = spec.model_copy(update=changes)
+    if choices:
+        return scene.model_copy(update={"garments": tuple(specs)}), choices
+    changes = _read_in("avatar", scene.avatar, avatar, fitting_reading(*garments[0], avatar))
     reason = f"in {avatar.unit}, with y up, it would lie beside the garment"
-    changes = {name.removeprefix("avatar."): value for name, value in reading.items()}
-    choices = [Choice(name, value, reason) for name, value in reading.items()]
-    return scene.model_copy(update={"avatar": spec.model_copy(update=changes)}), choices
+    choices = [Choice(f"avatar.{name}", value, reason) for name, value in changes.items()]
+    return scene.model_copy(update={"avatar": scene.avatar.model_copy(update=changes)}), choices
+
+
+def _read_in(key: str, spec: Wearable, mesh: Mesh, reading: dict[str, str]) -> dict[str, str]:
+    """What a reading of units and axes changes in a garment or a body; {}: it is another's, or its author states it."""
+    own = {name.removeprefix(f"{key}."): value for name, value in reading.items()}
+    is_open = was_guessed(mesh) and spec.up is None
+    return own if is_open and all(name.startswith(f"{key}.") for name in reading) else {}
 
 
 def stand_up(

@@ -208,26 +208,35 @@ def check_sizes(garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None) -> No
     if avatar is None:
         return
     for key, garment in garments:
-        guess_g, guess_a = was_guessed(garment), was_guessed(avatar)
-        ratio_bounds, gap_bound = WIDE_RATIO, WIDE_GAP
-        if guess_g and guess_a and garment.unit == avatar.unit:
-            ratio_bounds, gap_bound = SAME_UNIT_RATIO, WIDE_GAP
-        elif guess_a and not guess_g and _fits(_extent(avatar), PERSON):
-            strip = _extent(garment, second=True) <= ACROSS * _extent(avatar)
-            most = WIDE_RATIO[1] if strip else STATED_RATIO[1]  # a gown is wider than two people are tall
-            ratio_bounds, gap_bound = (STATED_RATIO[0], most), GAP
-        elif guess_g or guess_a:
-            ratio_bounds, gap_bound = RATIO, GAP
-        ratio, gap = _fit_of(garment, avatar, 1.0, 1.0)
-        if _fits(ratio, ratio_bounds) and gap <= gap_bound:
+        if is_of_fitting_size(garment, avatar):
             continue
+        ratio, gap = _fit_of(garment, avatar, 1.0, 1.0)
         extent_g, extent_a = _extent(garment), _extent(avatar)
-        if not _fits(ratio, ratio_bounds):
+        if not _fits(ratio, _bounds(garment, avatar)[0]):
             problem = f"is {_length(extent_g)} across, which does not fit an avatar of {_length(extent_a)}"
         else:
             problem = f"is {_length(gap * extent_a)} away from the avatar, which is {_length(extent_a)} across"
         problem += f" (garment in {_origin(garment)}, avatar in {_origin(avatar)})"
         raise InputError(f'{key} "{garment.name}"', problem, _remedy(key, garment, avatar))
+
+
+def is_of_fitting_size(garment: Mesh, avatar: Mesh) -> bool:
+    """Whether a garment's size and place fit the avatar; with closer bounds where a unit was guessed."""
+    ratio_bounds, gap_bound = _bounds(garment, avatar)
+    ratio, gap = _fit_of(garment, avatar, 1.0, 1.0)
+    return _fits(ratio, ratio_bounds) and gap <= gap_bound
+
+
+def _bounds(garment: Mesh, avatar: Mesh) -> tuple[tuple[float, float], float]:
+    """Bounds of the garment's extent and of its distance, relative to the avatar's extent."""
+    guess_g, guess_a = was_guessed(garment), was_guessed(avatar)
+    if guess_g and guess_a and garment.unit == avatar.unit:
+        return SAME_UNIT_RATIO, WIDE_GAP
+    if guess_a and not guess_g and _fits(_extent(avatar), PERSON):
+        strip = _extent(garment, second=True) <= ACROSS * _extent(avatar)
+        most = WIDE_RATIO[1] if strip else STATED_RATIO[1]  # a gown is wider than two people are tall
+        return (STATED_RATIO[0], most), GAP
+    return (RATIO, GAP) if guess_g or guess_a else (WIDE_RATIO, WIDE_GAP)
 
 
 def _origin(mesh: Mesh) -> str:
