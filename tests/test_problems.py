@@ -142,7 +142,7 @@ def test_a_garment_has_slid_off_when_it_is_at_the_feet(
 
 def test_a_button_that_falls_is_a_detached_piece(tmp_path: Path) -> None:
     points, faces = sheet()
-    button = np.array([[0.0, 1.2, 0.31], [0.02, 1.2, 0.31], [0.0, 1.22, 0.31]])
+    button = np.array([[0.0, 1.2, 0.32], [0.06, 1.2, 0.32], [0.0, 1.26, 0.32]])  # too large to be carried so far off
     write_obj(tmp_path / "coat.obj", np.concatenate([points, button]), np.concatenate([faces, [[25, 26, 27]]]))
     scene, outfit = loaded({"garment": {"mesh": str(tmp_path / "coat.obj"), "units": "m", "pin": {"vertices": [0]}}})
     worn = outfit.garments[0].points - np.array([0.0, 0.3, 0.0])  # all of it came down, the button not farther
@@ -277,6 +277,21 @@ def test_a_top_opening_that_came_down_far_has_slid_off(tmp_path: Path, down: flo
     if problem is not None:
         assert problem.figures["slid_mm"] == pytest.approx(1e3 * down)
         assert len(problem.vertices) == 36
+
+
+def test_a_scrap_that_fell_inside_does_not_tell_that_the_garment_slid(tmp_path: Path) -> None:
+    """It started higher than the tube, and its rim was the top opening."""
+    values, scrap = on_post(tmp_path), grid(3, 0.07)
+    post_tube = loaded(values)[1].garments[0]
+    start = scrap.points + np.array([0.0, 1.05, 0.1])
+    faces = np.concatenate([post_tube.triangles, scrap.triangles + len(post_tube.points)])
+    write_obj(tmp_path / "tube.obj", np.concatenate([post_tube.points, start]), faces)
+    scene, outfit = loaded(values)
+    worn = outfit.garments[0].points.copy()
+    worn[len(post_tube.points) :, 1] -= 0.3
+    found = judge(scene, outfit, worn)
+    assert "slid_off" not in found
+    assert "1 of the 2 pieces" in found["detached_piece"].message
 
 
 @pytest.mark.parametrize(("down", "told"), [(0.25, False), (0.4, True)])

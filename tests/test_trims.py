@@ -63,13 +63,21 @@ def test_button_is_left_out_of_the_cloth_and_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "other",
-    [sheet(0.005), cube((0.0, 0.05, 0.0)), cube((0.0, 0.01, 0.0), 0.03)],
+    [sheet(0.005), cube((0.0, 0.3, 0.0)), cube((0.0, 0.01, 0.0), 0.06)],
     ids=["lining", "far from the cloth", "stands off it"],
 )
 def test_other_parts_are_cloth(tmp_path: Path, other: Part) -> None:
     mesh = loaded(tmp_path, sheet(), other)
     assert Trims.of(mesh) is None
     assert any("2 separate pieces" in note for note in mesh.notes)
+
+
+@pytest.mark.parametrize("scrap", [cube((0.0, 0.1, 0.0)), cube((0.0, 0.01, 0.0), 0.03)], ids=["scrap", "toggle"])
+def test_what_is_too_small_to_be_held_is_carried(tmp_path: Path, scrap: Part) -> None:
+    cloth = sheet()
+    mesh = loaded(tmp_path, cloth, scrap)
+    np.testing.assert_allclose(mesh.points, cloth[0], atol=ROUNDING)
+    np.testing.assert_allclose(trims_of(mesh).start, scrap[0], atol=1e-6)
 
 
 def turned(points: Points) -> Points:

@@ -98,7 +98,7 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKey) -> Repa
     if role == "garment" and (loose := trims_among(points, work.triangles)).any():
         trims = _trimmings(points, work.triangles[loose], welded.vertex)
         count = _pieces(work.triangles[loose], len(points))
-        carried = f"{counted(count, 'loose part')} on the cloth (buttons, for example) carried along with it"
+        carried = f"{counted(count, 'loose part')} (buttons, for example) carried along with the cloth"
         work = _Work(work.triangles[~loose], work.corners[~loose], work.faces[~loose], (*work.notes, carried))
         turned = turned[~loose]
     used = np.zeros(len(points), dtype=bool)

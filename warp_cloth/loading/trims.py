@@ -1,4 +1,4 @@
-"""Loose parts of a garment's mesh that lie on its cloth: buttons, zips, patches."""
+"""Loose parts of a garment's mesh that its cloth carries: buttons, zips, patches, scraps."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
-from warp_cloth.base.trims import nearest_faces
+from warp_cloth.base.trims import RIGID, nearest_faces
 from warp_cloth.loading.raw import Floats, Ints
 
 # A part is a trim if its area is less than this share of the largest part's, and all of it is nearer to cloth than
 # NEAR [m]: a button's top is 4 mm above the shirt, a collar stands farther off. The lining of a coat is no smaller.
 SHARE, NEAR = 0.1, 0.01
+# Or if it is too small to be held by anything, up to RIGID across, and stands off that far [m] at most, such as a
+# toggle, a pompom, or the scrap of a chin that was left where a neckline was cut from a body.
+SCRAP_SHARE, SCRAP_NEAR = 0.01, 0.25
 
 
 def trims_among(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
@@ -27,10 +30,15 @@ def trims_among(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
     corners = points[triangles]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     total = np.bincount(part, area)
-    loose = (total < SHARE * total.max())[part]
+    shares = total / total.max()
+    loose = (shares < SHARE)[part]
     if not loose.any():
         return loose
     _, away = nearest_faces(corners[loose].reshape(-1, 3), points, triangles[~loose])
     farthest = np.zeros(len(total))
     np.maximum.at(farthest, np.repeat(part[loose], 3), away)
-    return loose & (farthest <= NEAR)[part]
+    low, high = np.full((len(total), 3), np.inf), np.full((len(total), 3), -np.inf)
+    np.minimum.at(low, part, corners.min(axis=1))
+    np.maximum.at(high, part, corners.max(axis=1))
+    is_scrap = (shares < SCRAP_SHARE) & ((high - low).max(axis=1) <= RIGID)
+    return loose & (farthest <= np.where(is_scrap, SCRAP_NEAR, NEAR))[part]

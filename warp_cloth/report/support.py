@@ -36,6 +36,7 @@ NECK = 0.8  # of the avatar's height, above which a top opening is a collar or a
 # Of the girth of a neckline: less of the body is above it on a dress form. A head is a third of it high, or more.
 HEADLESS = 0.25
 NARROWEST = 0.06  # of the avatar's height: the girth of an opening for a limb; less is a buttonhole
+SCRAP = 0.1  # of the vertices of a garment's largest piece; what has fewer does not tell where the garment hangs
 DETACHED = 0.1  # [m]; a piece of a garment that falls farther than the largest piece has come off
 
 
@@ -129,6 +130,8 @@ def slid_down(judged: Judged) -> FitProblem | None:
     openings = [] if overlap is None else [each for each in overlap.openings if each.garment == judged.index]
     if body is None or not openings:
         return None
+    number, count = _pieces(judged)
+    openings = [each for each in openings if count[number[each.vertices[0]]] >= SCRAP * count.max()] or openings
     wearing = judged.of.outfit.wearing[judged.index]
     (floor, top) = (float(corner[1]) for corner in body.bounds())
     start, height = (judged.garment.points if wearing is None else wearing.onto)[:, 1], top - floor
@@ -320,12 +323,10 @@ def detached_pieces(judged: Judged) -> Iterator[FitProblem]:
     fall, falls = start[:, 1] - points[:, 1], _falls(judged)
     if not (fall.max() > fall.min() + DETACHED or falls.any()):
         return
-    a, b, c = judged.garment.triangles.T
-    piece = connected_components(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
-    kinds, number, count = np.unique(piece, return_inverse=True, return_counts=True)
-    if len(kinds) == 1:
+    number, count = _pieces(judged)
+    if len(count) == 1:
         return
-    least = np.full(len(kinds), np.inf)
+    least = np.full(len(count), np.inf)
     np.minimum.at(least, number, fall)
     further = least - np.median(fall[number == np.argmax(count)])
     fallen = further > DETACHED
@@ -334,10 +335,18 @@ def detached_pieces(judged: Judged) -> Iterator[FitProblem]:
         return
     yield FitProblem(
         ProblemCode.DETACHED_PIECE,
-        f'{int(fallen.sum())} of the {counted(len(kinds), "piece")} of "{judged.name}" fall off, because nothing '
+        f'{int(fallen.sum())} of the {counted(len(count), "piece")} of "{judged.name}" fall off, because nothing '
         "connects them to the others.",
         "Leave out loose parts, weld them to the garment, or lay them on its cloth, which carries buttons.",
         judged.name,
         {"pieces": int(fallen.sum()), "fallen_mm": 1e3 * float(further.max())},
         vertices=listed(np.flatnonzero(fallen[number])),
     )
+
+
+def _pieces(judged: Judged) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Which piece of connected cloth each vertex is of, shape [V], and how many vertices each piece has, shape [P]."""
+    a, b, c = judged.garment.triangles.T
+    piece = connected_components(len(judged.points), np.concatenate([a, b]), np.concatenate([b, c]))
+    _, number, count = np.unique(piece, return_inverse=True, return_counts=True)
+    return number, count
