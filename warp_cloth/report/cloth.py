@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.anatomy.skeleton import skeleton_of
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.quantiles import quantiles
 from warp_cloth.loading.raw import counted
@@ -15,6 +16,7 @@ from warp_cloth.model.attempt import TORN
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
 from warp_cloth.report.judged import Judged, listed
 from warp_cloth.report.tight import TightRing, tight_problems, tight_rings
+from warp_cloth.report.where import part_at_height, part_under
 
 WRONG_SCALE = 0.3  # strain of half the edges: the tightest of worn cloth has less
 # Largest stretch of a face, which few knits bear and no woven cloth does, and the part of the area that has more. Of 82
@@ -27,8 +29,6 @@ BLUNT = np.radians(135.0)
 # Angle between the normals of neighbouring triangles, and the fraction of hinges folded so sharply: of these designs
 # 0.06 at most, in a silk skirt of many panels.
 SHARP, BUNCHED = np.radians(120.0), 0.1
-# Lowest height of each part of a standing body, of its own.
-PARTS = {"neck and shoulders": 0.82, "chest": 0.68, "waist": 0.57, "hip": 0.42, "legs": -np.inf}
 
 
 def cloth_problems(judged: Judged) -> Iterator[FitProblem]:
@@ -67,7 +67,9 @@ def too_small(judged: Judged) -> FitProblem | None:
     corners, strain = sheet.triangles[tight], float(np.median(stretch[tight]))
     (floor, top) = (float(corner[1]) for corner in body.bounds())
     height = (float(np.median(judged.points[corners, 1])) - floor) / (top - floor)
-    where = next(name for name, lowest in PARTS.items() if height > lowest)
+    wearing = judged.of.outfit.wearing[judged.index]
+    skeleton = skeleton_of(body) if wearing is None else wearing.skeleton
+    where = part_at_height(height) if skeleton is None else part_under(judged.points[np.unique(corners)], skeleton)
     return FitProblem(
         ProblemCode.TOO_SMALL,
         f'"{judged.name}" is too small for the body, most of all at the {where}: {100 * share:.0f} % of its cloth is '
