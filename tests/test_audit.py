@@ -145,6 +145,33 @@ def test_auto_stays_with_the_pixel_whose_grid_can_be_built(monkeypatch: pytest.M
         auto.collider(around(mesh))
 
 
+@pytest.mark.parametrize(("does", "pixel"), [(True, 8.0), (False, 4.0)])
+def test_what_was_too_coarse_for_a_small_part_is_tried_again_over_a_larger_one(
+    monkeypatch: pytest.MonkeyPatch, does: bool, pixel: float
+) -> None:
+    """A poncho starts round the head, whose ears need the finer layers, and falls over the whole body."""
+    mesh = as_mesh(trimesh.creation.icosphere(subdivisions=4, radius=0.05))
+    auto = contact(mesh, "auto", error=1e-6 * pixel, pixel=0.008)  # fields of one error are kept on disk
+    auto.collider(around(mesh))
+    assert auto.report["pixel_mm"] == pytest.approx(4.0)
+    monkeypatch.setattr(AvatarContact, "_accurate", lambda _: does)
+    auto.collider(around(mesh))
+    assert auto.report["pixel_mm"] == pytest.approx(pixel)
+    assert len(auto.report["buffers"]) == 3
+    assert all("layers" in name for name in auto.report["buffers"])
+
+
+def test_what_an_earlier_attempt_drew_serves_again_where_the_avatar_stands_as_it_did() -> None:
+    mesh = as_mesh(trimesh.creation.icosphere(subdivisions=4, radius=0.05))
+    earlier, later = contact(mesh, "auto", pixel=0.008), contact(mesh, "auto", pixel=0.008)
+    earlier.collider(around(mesh))
+    assert later.reused_from(earlier, around(mesh)) is not None
+    assert later.built is earlier.built
+    earlier.move(mesh.points + 0.01, around(mesh))
+    earlier.collider(around(mesh))
+    assert contact(mesh, "auto", pixel=0.008).reused_from(earlier, around(mesh)) is None
+
+
 def test_a_garment_that_falls_on_and_on_asks_for_no_more_than_what_is_near_the_avatar(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

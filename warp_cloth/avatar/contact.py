@@ -108,6 +108,10 @@ def followed(exact: ExactCollider, surface: Points, cloth: Points) -> Points:
     return moved
 
 
+def _same_points(one: Mesh | None, other: Mesh | None) -> bool:
+    return one is not None and other is not None and np.array_equal(one.points, other.points)
+
+
 class AvatarContact:
     """Builds the collider of a scene, and rebuilds it when a garment leaves the region that it covers."""
 
@@ -172,6 +176,9 @@ class AvatarContact:
         if self._options.kind == "mesh":
             return self._exact_collider(self._avatar)
         margin = MARGIN * 2.0 ** max(self.builds - 1, 0)  # a garment that fell out of it once is still falling
+        # over a larger part of the avatar coarser layers may do, but what three views do not see stays hidden
+        if audited and self.builds > 1 and self._rejected and self._rejected[-1].layered:
+            self._drawings, self._rejected = [self._rejected[-1], *self._drawings], self._rejected[:-1]
         lower, upper = contact_bounds(points, self._avatar.points, margin)
         self._lower, self._upper = points.min(axis=0) - margin, points.max(axis=0) + margin
         self._built = None  # frees its memory for the next
@@ -258,6 +265,7 @@ class AvatarContact:
             earlier._loaded is self._loaded
             and (other.kind, other.error, other.device) == (mine.kind, mine.error, mine.device)
             and (earlier._drawings[-1], earlier._lift) == (self._drawings[-1], self._lift)
+            and _same_points(earlier._avatar, self._avatar)
         )
         if same and earlier._reach < self._reach:  # an offset that grew once may grow again
             self._reach, same = max(self._reach, FARTHER * earlier._reach), False

@@ -193,7 +193,8 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         problem = build_problem([attempt], [worn_by], device, cache=cache, clock=clock)
         levels: tuple[LevelRun, ...] = ()
         if attempt.begins_after is not None:
-            problem.place(runs[attempt.begins_after].outcome.points)
+            before = runs[attempt.begins_after]
+            problem.place(before.outcome.points, before.problem.contacts[before.item])
         if attempt.begins_after is None or attempt.thins:
             levels = begin(problem)
         clock.begin("relax")

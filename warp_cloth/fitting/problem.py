@@ -85,11 +85,15 @@ class Problem:
                 found[id(outfit.avatar)] = contact.surface(outfit.avatar)
         return [None if each.avatar is None else found[id(each.avatar)] for each in self.outfits]
 
-    def place(self, points: Points) -> None:
-        """Moves the only scene's garments to these points [m], shape [V, 3], with a collider that covers them."""
+    def place(self, points: Points, earlier: AvatarContact | None = None) -> None:
+        """Moves the only scene's garments to these points [m], shape [V, 3], with a collider that covers them.
+
+        It is that of an ``earlier`` contact with the same avatar, where that does.
+        """
         self.model.set_points(points)
         if not self.contact.covers(points):
-            self.relaxation.set_collider(0, self.contact.collider(points))
+            reused = None if earlier is None else self.contact.reused_from(earlier, points)
+            self.relaxation.set_collider(0, reused or self.contact.collider(points))
 
     def contact_report(self, item: int) -> dict[str, Any] | None:
         """The collider of an item's avatar and its error, for the report; None without avatar."""
