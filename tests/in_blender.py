@@ -14,6 +14,7 @@ import numpy as np
 
 SIDE, HEIGHT, VERTICES = 0.4, 1.0, 9  # of the cloth [m]
 RADIUS = 0.15  # of the ball [m]
+BUTTON = 0.004  # of the button from the middle of the cloth [m]
 MATRIX = (
     (0.0, -2.0, 0.0, 0.3),
     (2.0, 0.0, 0.0, 0.0),
@@ -32,19 +33,21 @@ def world(thing: Any) -> Any:
 
 
 def build() -> tuple[Any, Any]:
-    """A cloth above a ball; the cloth's object is moved, turned and scaled, and has a loose vertex."""
+    """A cloth above a ball; the cloth's object is moved, turned and scaled, and has a button and a loose vertex."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_uv_sphere_add(radius=RADIUS, location=(0.3, 0.0, HEIGHT - RADIUS - 0.02), segments=32)
     ball = bpy.context.active_object
     line = np.linspace(-SIDE / 4, SIDE / 4, VERTICES)
-    points = [(x, y, HEIGHT / 2) for y in line for x in line] + [(0.0, 0.0, 1.5)]
+    button = [(x, y, HEIGHT / 2 + BUTTON / 2) for x, y in ((0.0, 0.0), (0.004, 0.0), (0.0, 0.004))]
+    points = [(x, y, HEIGHT / 2) for y in line for x in line] + [*button, (0.0, 0.0, 1.5)]
     quads = [
         (row * VERTICES + column, row * VERTICES + column + 1, (row + 1) * VERTICES + column + 1,
          (row + 1) * VERTICES + column)
         for row in range(VERTICES - 1) for column in range(VERTICES - 1)
     ]  # fmt: skip
     mesh = bpy.data.meshes.new("cloth")
-    mesh.from_pydata(points, [], quads)
+    first = VERTICES**2
+    mesh.from_pydata(points, [], [*quads, (first, first + 1, first + 2)])
     cloth = bpy.data.objects.new("cloth", mesh)
     cloth.matrix_world = [list(row) for row in zip(*MATRIX, strict=True)]
     bpy.context.collection.objects.link(cloth)
@@ -106,6 +109,8 @@ def main() -> None:
     found["worn"] = clearance(cloth, ball)
     found["loose"] = float(np.abs(world(cloth)[-1] - before[-1]).max())
     worn = world(cloth)
+    found["button"] = float(np.linalg.norm(worn[VERTICES**2] - worn[VERTICES**2 // 2])) - BUTTON
+    found["fell"] = float((before - worn)[VERTICES**2, 2])
     key.value = 0.0
     bpy.context.view_layer.update()
     found["basis"] = float(np.abs(world(cloth) - before).max())

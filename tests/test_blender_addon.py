@@ -54,6 +54,11 @@ def test_the_worn_shape_is_a_shape_key_in_the_objects_own_space(found: dict[str,
     assert found["basis"] < FLOAT32
 
 
+def test_a_button_goes_along_with_the_cloth(found: dict[str, Any]) -> None:
+    assert found["fell"] > 0.005
+    assert abs(found["button"]) < 1e-3
+
+
 def test_frames_are_a_cache_beside_the_file_from_the_start_to_the_worn_shape(found: dict[str, Any]) -> None:
     assert found["caches"] == ["warp_cloth/cloth.pc2"]
     assert found["first"] < FLOAT32

@@ -81,6 +81,21 @@ def test_point_caches_hold_every_frame_of_each_garment(tmp_path: Path) -> None:
         assert np.array_equal(shapes, frames)
 
 
+def test_buttons_have_a_point_cache_of_their_own(tmp_path: Path) -> None:
+    garment = worn("coat", frame_count=4)
+    corners = garment.mesh.points[garment.mesh.triangles[0]]
+    mesh = replace(
+        garment.mesh, trim_points=corners + np.array([0.0, 0.0, 0.005]), trim_triangles=np.array([[0, 1, 2]], np.int32)
+    )
+    garment = replace(garment, mesh=mesh)
+    _, path = write_point_caches(tmp_path / "fit.pc2", garments=[garment])
+    assert path.name == "fit_coat_trims.pc2"
+    shapes = np.frombuffer(path.read_bytes(), dtype="<f4", offset=32).reshape(4, 3, 3)
+    assert garment.trims is not None
+    assert np.array_equal(shapes[-1], garment.trims.at(garment.frames[-1]).astype(np.float32))
+    assert shapes[0, 0, 1] - shapes[-1, 0, 1] == pytest.approx(0.2, abs=1e-5)
+
+
 def test_a_point_cache_without_frames_is_refused_before_the_work() -> None:
     check_frames(("usdc",), frames=False, remedy="add --frames 48")
     with pytest.raises(InputError, match="pc2 holds intermediate shapes, and there are none; add --frames 48"):

@@ -100,7 +100,10 @@ class Fit:
                 raise FitError(f"{self.garment} has changed since the fit began; fit it again")
             out = self.folder / "out"
             if self.settings["result"] == "CACHE":
-                _set_cache(context, garment, self._local(garment, _frames(out / "garment_garment.pc2")))
+                shapes, trims = _frames(out / "garment_garment.pc2"), out / "garment_garment_trims.pc2"
+                if trims.exists():
+                    shapes = np.concatenate([shapes, _frames(trims)], axis=1)
+                _set_cache(context, garment, self._local(garment, shapes))
                 self._move_body(context, out / "garment_avatar.pc2")
             else:
                 _set_shape_key(garment, self._local(garment, _obj_points(out / "garment.obj")[None])[0])
@@ -127,7 +130,10 @@ class Fit:
             _set_cache(context, body, shapes.astype(np.float32))
 
     def _local(self, garment, shapes):
-        """Shapes of the mesh as fitted [N, V, 3] as places of the garment's own vertices, in its own space."""
+        """Shapes of the mesh as fitted [N, V, 3] as places of the garment's own vertices, in its own space.
+
+        Those of buttons and other trims, which the cloth carried along, follow those of the cloth.
+        """
         count = self.vertices
         world, home = np.array(garment.matrix_world), np.array(garment.matrix_world.inverted())
         start = _points(garment.data) @ world[:3, :3].T + world[:3, 3]
@@ -136,6 +142,9 @@ class Fit:
         for file in (self.folder / "out").glob("*_map.npz"):  # written where loading has merged or dropped vertices
             with np.load(file) as arrays:
                 kept = arrays.get("vertex_map", kept)
+                if "trim_map" in arrays:
+                    trims = arrays["trim_map"]
+                    kept = np.where(trims >= 0, trims + found.shape[1] - trims.max() - 1, kept)
         placed = np.where((kept >= 0)[None, :, None], found[:, np.maximum(kept, 0)], start[None])
         return (placed @ home[:3, :3].T + home[:3, 3]).astype(np.float32)
 

@@ -13,6 +13,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.trims import TRIMS
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.surface import require_sound
 from warp_cloth.model.result import WornGarment
@@ -29,10 +30,15 @@ def write_point_caches(
     """Writes the frames of each garment [m], y up, float32 shape [N, V, 3] after the header; returns their paths.
 
     These are ``path`` with the garment's name added to its stem. A garment without frames has its worn shape only.
-    ``others`` are frames of other meshes by name.
+    Its trims, an object of their own in other files, have a cache of their own. ``others`` are frames of other meshes
+    by name.
     """
     require_sound(garments, None)
-    shapes = {worn.name: worn.points[None] if worn.frames is None else worn.frames for worn in garments}
+    shapes = {}
+    for worn in garments:
+        shapes[worn.name] = cloth = worn.points[None] if worn.frames is None else worn.frames
+        if worn.trims is not None:
+            shapes[f"{worn.name}_{TRIMS}"] = np.stack([worn.trims.at(points) for points in cloth])
     paths = []
     for name, frames in {**others, **shapes}.items():
         target = path.with_name(f"{path.stem}_{name}.pc2")
