@@ -80,6 +80,19 @@ def test_what_is_too_small_to_be_held_is_carried(tmp_path: Path, scrap: Part) ->
     np.testing.assert_allclose(trims_of(mesh).start, scrap[0], atol=1e-6)
 
 
+def bulging(rise: float, rim: float = 0.0) -> Part:
+    """A patch of 20 cm whose middle stands off the cloth by ``rise``, and half of whose rim by ``rim`` [m]."""
+    points, faces = sheet(side=0.2)
+    inner = np.abs(points[:, [0, 2]]).max(axis=1) < 0.09
+    points[:, 1] = 0.004 + rise * inner + rim * (points[:, 0] > 0.01)
+    return points, faces
+
+
+@pytest.mark.parametrize(("patch", "carried"), [(bulging(0.03), True), (bulging(0.03, 0.02), False)])
+def test_a_pocket_lies_on_the_cloth_by_its_rim(tmp_path: Path, patch: Part, carried: bool) -> None:
+    assert (Trims.of(loaded(tmp_path, sheet(), patch)) is not None) == carried
+
+
 def turned(points: Points) -> Points:
     """Turned and moved as a whole."""
     a, b = 0.7, 1.9

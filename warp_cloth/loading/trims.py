@@ -15,6 +15,9 @@ SHARE, NEAR = 0.1, 0.01
 # Or if it is too small to be held by anything, up to RIGID across, and stands off that far [m] at most, such as a
 # toggle, a pompom, or the scrap of a chin that was left where a neckline was cut from a body.
 SCRAP_SHARE, SCRAP_NEAR = 0.01, 0.25
+# Or if this share of the corners along its rims lie on the cloth, as those of a patch pocket do, and it bulges no more
+# than that [m]. The upper rim of a collar, or the end of a cuff, does not.
+ON_CLOTH, BULGE = 0.9, 0.05
 
 
 def trims_among(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
@@ -36,9 +39,21 @@ def trims_among(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
         return loose
     _, away = nearest_faces(corners[loose].reshape(-1, 3), points, triangles[~loose])
     farthest = np.zeros(len(total))
-    np.maximum.at(farthest, np.repeat(part[loose], 3), away)
+    of_corner = np.repeat(part[loose], 3)
+    np.maximum.at(farthest, of_corner, away)
     low, high = np.full((len(total), 3), np.inf), np.full((len(total), 3), -np.inf)
     np.minimum.at(low, part, corners.min(axis=1))
     np.maximum.at(high, part, corners.max(axis=1))
     is_scrap = (shares < SCRAP_SHARE) & ((high - low).max(axis=1) <= RIGID)
-    return loose & (farthest <= np.where(is_scrap, SCRAP_NEAR, NEAR))[part]
+    on_rim = np.isin(triangles[loose].ravel(), _rim(triangles[loose]))
+    rims, near = (np.bincount(of_corner[chosen], minlength=len(total)) for chosen in (on_rim, on_rim & (away <= NEAR)))
+    is_patch = (rims > 0) & (near >= ON_CLOTH * rims)
+    limits = np.select([is_scrap, is_patch], [SCRAP_NEAR, BULGE], NEAR)
+    return loose & (farthest <= limits)[part]
+
+
+def _rim(triangles: Ints) -> Ints:
+    """The vertices on the boundaries of a mesh, shape [B]."""
+    edges, uses = np.unique(np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)), axis=0, return_counts=True)
+    vertices: Ints = np.unique(edges[uses == 1])
+    return vertices
