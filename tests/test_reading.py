@@ -176,6 +176,21 @@ def test_a_hem_that_flares_to_one_side_is_for_both_legs(tshirt: Mesh, tmp_path: 
     assert limbs_for(wearing.openings, flared, skeleton) == list(wearing.limbs)
 
 
+@pytest.mark.parametrize(("scene", "girth"), [("tshirt", 0.3), ("tshirt", 0.1), ("trousers", 0.1)])
+def test_a_hole_in_the_side_is_for_no_limb(scene: str, girth: float) -> None:
+    """Cut out above a hem, or a slit such as a pocket's."""
+    (wearing,) = load_outfit(load_scene(scene)).wearing
+    assert wearing is not None
+    start, skeleton = wearing.start, wearing.skeleton
+    up, left = start @ skeleton.up, start @ skeleton.left
+    high, low = (float(skeleton.waist @ skeleton.up), float(skeleton.spine[0] @ skeleton.up))
+    at_side = np.flatnonzero((up > low) & (up < high) & (left > 0.0))
+    loop = at_side[np.argsort(-left[at_side])[:6]].astype(np.int32)
+    hole = replace(wearing.openings[0], loop=loop, girth=girth)
+    found = limbs_for([*wearing.openings, hole], start, skeleton)
+    assert found == [*wearing.limbs, ()]
+
+
 def test_a_body_in_inches_that_lies_down_stands_up_round_its_garment(tmp_path: Path, tshirt: Mesh) -> None:
     body = mannequin(SIZE_BODIES["M"])
     write_obj(tmp_path / "body.obj", body.points[:, [0, 2, 1]] * [1.0, -1.0, 1.0] / INCH, body.triangles)

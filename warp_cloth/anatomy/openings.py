@@ -14,6 +14,7 @@ from warp_cloth.base.topology import Topology
 
 NARROWEST = 0.09  # [m]; the girth of a child's cuff. A shorter loop is a buttonhole
 RINGS = 4  # of cloth behind an opening, where the cloth is a tube: a hand may end within a sleeve
+SLIT = 0.06  # of the body's span: the girth up to which an opening on one side is a slit, which no hand goes through
 LATERAL = 0.045  # of the body's span, from its middle: an opening farther off is for one limb
 ACROSS = 0.2  # of an opening's width on the lesser side of the middle: a hem is no leg's, however far it flares
 HEM = 0.7  # girth of a hem over a sleeve's, at least; a keyhole is smaller
@@ -88,7 +89,8 @@ def openings_of(topology: Topology, triangles: Indices, lengths: Floats, vertex_
 def limbs_for(openings: Sequence[Opening], points: Points, skeleton: Skeleton) -> list[Limbs]:
     """Which limbs each opening is for, by where it lies on the body; ``points``: the garment's as it starts [m].
 
-    Of openings on one side the lower of two is for the leg; a single one is for the leg if nothing opens below it in
+    Of openings on one side the lower of two is for the leg, but above a hem the farther out is for the arm, and no limb
+    is for the other, which is cut out, nor for a slit; a single one is for the leg if nothing opens below it in
     the middle, nor are there a neckline and a hem, as sleeves hang lower than a short one. In the middle, the highest
     opening above sleeves is for the head; others are for both legs, but a cape, which opens above the shoulders and has
     no sleeves, hangs from the head's opening alone. A halter's strap has the head on one side and both arms on the
@@ -150,9 +152,12 @@ def _limbs_of_piece(openings: Sequence[Opening], points: Points, cloth: Points, 
         return [OPEN if n in in_middle else ARMS[int(across[n] > 0.0) :][:1] for n in range(len(openings))]
     found: dict[int, Limbs] = {}
     for side, arm, leg in ((-1.0, RIGHT_ARM, RIGHT_LEG), (1.0, LEFT_ARM, LEFT_LEG)):
-        beside = [n for n in range(len(openings)) if n not in in_middle and side * across[n] > 0.0]
+        aside_only = [n for n in range(len(openings)) if n not in in_middle and side * across[n] > 0.0]
+        beside = [n for n in aside_only if openings[n].girth > SLIT * skeleton.span] or aside_only
         beside.sort(key=lambda n: -up[n])
-        if len(beside) > 1:
+        if len(beside) > 1 and any(up[n] < up[beside[-1]] for n in in_middle):  # a hem, and holes in its sides
+            found[max(beside, key=lambda n: side * across[n])] = (arm,)
+        elif len(beside) > 1:
             found |= {beside[0]: (arm,), beside[-1]: (leg,)}
         elif beside:
             below = any(up[n] < up[beside[0]] for n in in_middle)

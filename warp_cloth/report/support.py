@@ -248,7 +248,7 @@ def wrong_openings(judged: Judged) -> Iterator[FitProblem]:
         yield FitProblem(
             ProblemCode.WRONG_OPENING,
             f'An opening of "{judged.name}" that is {100 * each.opening.girth:.0f} cm around is for the {wanted}, but '
-            f"{found} passes through it.",
+            f"{found} pass{'es' if len(each.found) < 2 else ''} through it.",
             "Place the panels around the limb that is to pass through, in the body's pose.",
             judged.name,
             {"girth_mm": 1e3 * each.opening.girth},
