@@ -150,7 +150,23 @@ def test_a_button_that_falls_is_a_detached_piece(tmp_path: Path) -> None:
     worn[25:] -= [0.0, 0.2, 0.0]
     problem = judge(scene, outfit, worn)["detached_piece"]
     assert problem.message.startswith('1 of the 2 pieces of "coat" fall off')
+    assert problem.figures["fallen_mm"] == pytest.approx(200.0)
     assert problem.vertices == (25, 26, 27)
+
+
+def test_a_largest_piece_that_falls_past_all_is_compared_with_those_that_stay(tmp_path: Path) -> None:
+    """A skirt beside its band, which sits on a ball."""
+    band, skirt = grid(9, 0.2).points - np.array([0.1, 0.1, 0.0]), grid(12, 0.3).points + np.array([0.35, -0.25, 0.0])
+    faces = np.concatenate([grid(9, 0.2).triangles, grid(12, 0.3).triangles + len(band)])
+    values = on_ball(tmp_path, band)
+    write_obj(tmp_path / "sheet.obj", np.concatenate([band, skirt]), faces)
+    values["garment"] = {"mesh": str(tmp_path / "sheet.obj"), "units": "m"}
+    scene, outfit = loaded(values)
+    worn = outfit.garments[0].points.copy()
+    worn[len(band) :, 1] -= 0.5
+    problem = judge(scene, outfit, worn, status=Status.ITERATION_LIMIT, moved=np.ones(len(worn)))["detached_piece"]
+    assert problem.figures == {"pieces": 1, "fallen_mm": pytest.approx(500.0)}
+    assert min(problem.vertices) == len(band)
 
 
 @pytest.mark.parametrize(("shift", "told"), [(0.0, True), (0.07, False)])

@@ -333,13 +333,15 @@ def detached_pieces(judged: Judged) -> Iterator[FitProblem]:
     fallen[number[falls]] = True
     if not fallen.any():
         return
+    stays = ~fallen[number]  # the largest piece may be the one that fell; then it is compared with the others
+    others = float(np.median(fall[stays])) if stays.any() else 0.0
     yield FitProblem(
         ProblemCode.DETACHED_PIECE,
         f'{int(fallen.sum())} of the {counted(len(count), "piece")} of "{judged.name}" fall off, because nothing '
         "connects them to the others.",
         "Leave out loose parts, weld them to the garment, or lay them on its cloth, which carries buttons.",
         judged.name,
-        {"pieces": int(fallen.sum()), "fallen_mm": 1e3 * float(further.max())},
+        {"pieces": int(fallen.sum()), "fallen_mm": 1e3 * (float(least[fallen].max()) - others)},
         vertices=listed(np.flatnonzero(fallen[number])),
     )
 
