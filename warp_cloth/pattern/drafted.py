@@ -26,8 +26,8 @@ from warp_cloth.pattern.pieces import pieces_of
 from warp_cloth.pattern.placing import wraps_of
 from warp_cloth.pattern.proposal import SEWN_FROM, proposed_joints
 from warp_cloth.pattern.shared_sides import parts_with_sides
+from warp_cloth.pattern.spare import spare_of
 from warp_cloth.pattern.specification import Edge, Panel, Pattern, Side, Stitch, short
-from warp_cloth.pattern.trims import trims_of
 
 ADVICE = "draw it with `warp-cloth pattern`, and state the seams that it needs ([[garment.seam]])"
 
@@ -42,7 +42,7 @@ class Draft:
     parts: tuple[Part, ...]
     joints: tuple[Joint, ...]
     unsewn: tuple[Joint, ...]
-    trims: frozenset[int]  # parts that are drawn, and left out of the garment: small, unknown and sewn to nothing
+    spare: frozenset[int]  # parts that are drawn, and left out of the garment: small, unknown and sewn to nothing
     notes: tuple[str, ...]
 
 
@@ -75,10 +75,10 @@ def read_draft(file: str, data: bytes, options: DraftOptions, table: GradeTable 
         joints = tuple(joint for joint in proposed if joint.confidence >= SEWN_FROM)
         unsewn = tuple(joint for joint in proposed if joint.confidence < SEWN_FROM)
         notes += _told(parts, joints, unsewn)
-    trims = trims_of(parts, joints)
+    spare = spare_of(parts, joints)
     why = "is small, sewn to nothing and of no known name: left out; state a seam of it to keep it"
-    notes += [f'piece "{short(parts[index].name)}" {why}' for index in sorted(trims)]
-    return Draft(file, size, sizes, parts, joints, unsewn, trims, tuple(gathered(notes)))
+    notes += [f'piece "{short(parts[index].name)}" {why}' for index in sorted(spare)]
+    return Draft(file, size, sizes, parts, joints, unsewn, spare, tuple(gathered(notes)))
 
 
 def _of_size(
@@ -125,7 +125,7 @@ def unjoined(draft: Draft) -> tuple[str, ...]:
     if count == 1:
         return ()
     alone = np.bincount(_groups(draft), minlength=count)[_groups(draft)] == 1
-    return tuple(draft.parts[index].name for index in np.flatnonzero(alone) if index not in draft.trims)
+    return tuple(draft.parts[index].name for index in np.flatnonzero(alone) if index not in draft.spare)
 
 
 def _groups(draft: Draft) -> NDArray[np.int64]:
@@ -138,7 +138,7 @@ def _groups(draft: Draft) -> NDArray[np.int64]:
 def _apart(draft: Draft) -> list[str]:
     """A note where the parts are sewn into several garments that no seam joins, as a top and trousers are."""
     group = _groups(draft)
-    firsts = [draft.parts[first].name for first in np.unique(group) if first not in draft.trims]
+    firsts = [draft.parts[first].name for first in np.unique(group) if first not in draft.spare]
     if len(firsts) < 2:
         return []
     named = ", ".join(f'"{short(name)}"' for name in firsts[:4])
@@ -150,7 +150,7 @@ def not_joined(draft: Draft) -> tuple[str, str] | None:
     group = _groups(draft)
     for joint in draft.unsewn:
         one, other = joint.one[0].panel, joint.other[0].panel
-        if group[one] != group[other] and draft.trims.isdisjoint((one, other)):
+        if group[one] != group[other] and draft.spare.isdisjoint((one, other)):
             return side_text(draft.parts, joint.one), side_text(draft.parts, joint.other)
     return None
 
@@ -193,7 +193,7 @@ def drafted_pattern(draft: Draft, figure: Figure | None) -> Pattern:
     notes = (*draft.notes, *apart)
     if figure.is_nominal:
         notes = (*notes, "no person is there to lay the pieces round: laid round a figure of 1.70 m")
-    return without_panels(Pattern(draft.file, panels, made.stitches, notes), draft.trims)
+    return without_panels(Pattern(draft.file, panels, made.stitches, notes), draft.spare)
 
 
 def drawn_pattern(draft: Draft) -> Pattern:

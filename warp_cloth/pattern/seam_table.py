@@ -48,7 +48,7 @@ pattern = {toml_text(pattern_file)}
         if part.twin is None or part.twin > index:
             place = place_of(draft.parts, index)
             said = '# place = "front"  # not known' if place is None else f"place = {toml_text(place)}"
-            said = 'place = "none"  # small, and sewn to nothing' if index in draft.trims else said
+            said = 'place = "none"  # small, and sewn to nothing' if index in draft.spare else said
             count = len(part.darts)
             eyes = f"darts = true  # {count} within it cut out and sewn; false: left as lines\n" if count else ""
             lines.append(f"[[garment.piece]]\nname = {toml_text(part.name)}\n{said}\n{eyes}")

@@ -1,4 +1,4 @@
-"""Small pieces of a DXF file whose names say nothing and that nothing is sewn to: tapes, plackets, patches."""
+"""Spare pieces of a DXF file, left out: small ones whose names say nothing, sewn to nothing (tapes, plackets)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from warp_cloth.pattern.kinds import named
 from warp_cloth.pattern.loose import SMALL
 
 
-def trims_of(parts: Sequence[Part], joints: Sequence[Joint]) -> frozenset[int]:
+def spare_of(parts: Sequence[Part], joints: Sequence[Joint]) -> frozenset[int]:
     """The parts that are left out of the garment, as they are small, sewn to nothing and of no known name.
 
     What a name tells (a cuff, a strap, a side panel) is of the garment, and a person is asked for its seams.

@@ -1,4 +1,4 @@
-"""Pieces that are no part of the garment: trims of any name, and second layers of bands and yokes."""
+"""Pieces that are no part of the garment: spare ones, and second layers of bands and yokes."""
 
 from __future__ import annotations
 
@@ -63,5 +63,5 @@ def test_one_of_two_layers_of_yokes_and_cuffs_is_sewn(tmp_path: Path) -> None:
     [("CUFF FUSE", "none"), ("PLKT", "none"), ("BTM RIB", "hem_band"), ("Shoulder Strap", "strap"),
      ("Strapless Front", "front")],
 )  # fmt: skip
-def test_names_of_trims(name: str, kind: str) -> None:
+def test_names_of_what_is_no_outer_cloth_and_what_is(name: str, kind: str) -> None:
     assert named(name).kind == kind
