@@ -275,12 +275,16 @@ class _Kinds:
 
 def is_leg_and_no_bodice(piece: Piece) -> bool:
     """Whether a half piece has the shape of a leg's front or back, and not that of a bodice's."""
-    leg, bodice = (Shape(piece.edges, upright(piece.edges, kind)) for kind in ("leg_front", "front"))
+    leg = Shape(piece.edges, upright(piece.edges, "leg_front"))
     if len(leg.order) < 3:
         return False
-    return _is_leg(_Drawn(leg, leg_roles(leg), False)) and not _is_bodice(
-        _Drawn(bodice, bodice_roles(bodice, False, arm_side), False)
-    )
+    return _is_leg(_Drawn(leg, leg_roles(leg), False)) and not is_half_bodice(piece)
+
+
+def is_half_bodice(piece: Piece) -> bool:
+    """Whether a half piece has neck, shoulder, armhole and side of a bodice's front or back."""
+    shape = Shape(piece.edges, upright(piece.edges, "front"))
+    return len(shape.order) >= 3 and _is_bodice(_Drawn(shape, bodice_roles(shape, False, arm_side), False))
 
 
 def _alike(one: float, other: float) -> bool:

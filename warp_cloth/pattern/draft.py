@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.pattern.by_shape import are_mirrored, is_leg_and_no_bodice, told_by_shape
+from warp_cloth.pattern.by_shape import are_mirrored, is_half_bodice, is_leg_and_no_bodice, told_by_shape
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.drawn_darts import turned
@@ -17,8 +17,10 @@ from warp_cloth.pattern.kinds import (
     BOTH,
     COLLARS,
     HALF_SLEEVES,
+    LEFT,
     PAIRED,
     PLACES,
+    RIGHT,
     SIDE_PANEL,
     SKIRTS,
     UNDER_SLEEVE,
@@ -54,7 +56,8 @@ class _Top:
     is_one: bool  # it has pieces that only tops have
     yoked: frozenset[str]  # of "front" and "back" those that begin below a yoke
     has_bodice: bool  # a front or back on the fold has armholes and a neck, as no leg has
-    lone: frozenset[str]  # of "front" and "back" those that one piece is named
+    has_half_bodice: bool  # half a front or back has, as a waistcoat's
+    lone: frozenset[str]  # of "front" and "back" those that one piece is named, or one for either side
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,12 +176,14 @@ def _top_of(kinds: Set[str], pieces: Sequence[Piece]) -> _Top:
     has_top = not kinds.isdisjoint(TOPS)
     whole = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is not None]
     has_bodice = any(concave_count(Shape(each.edges, upright(each.edges, "front"))) >= 2 for each in whole)
+    halves = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is None]
+    has_half_bodice = any(is_half_bodice(each) for each in halves)
     yokes = [piece for piece in pieces if piece.what.kind == "yoke" and _is_at_neck(piece)]
     faces = {piece.what.face or "back" for piece in yokes}
     faces |= {face for face, yoke in YOKE_OF.items() if yoke in kinds and has_top}
-    named_so = [piece.what.kind for piece in pieces]
-    lone = frozenset(face for face in YOKE_OF if named_so.count(face) == 1)
-    return _Top(has_top or bool(yokes), frozenset(faces), has_bodice, lone)
+    sides = {face: sorted(piece.what.side for piece in pieces if piece.what.kind == face) for face in YOKE_OF}
+    lone = frozenset(face for face, own in sides.items() if len(own) == 1 or own == [RIGHT, LEFT])
+    return _Top(has_top or bool(yokes), frozenset(faces), has_bodice, has_half_bodice, lone)
 
 
 def _is_at_neck(yoke: Piece) -> bool:
@@ -308,7 +313,7 @@ def _worn_on(piece: Piece, face: str, top: _Top) -> str:
     hollow = concave_count(shape)
     if piece.mirror is not None:
         return face if hollow >= 2 or (top.has_bodice and face in top.lone) else f"skirt_{face}"
-    if hollow and top.has_bodice:
+    if hollow and (top.has_bodice or (top.has_half_bodice and face in top.lone)):
         return face
     if hollow >= 2 and is_leg_and_no_bodice(piece):
         return f"leg_{face}"

@@ -1,0 +1,56 @@
+"""Patterns of everyday clothes drafted for tests, each with what others of its kind have not: its true seams."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from dxf_patterns import Drafted, bezier, half_body
+
+TOP = {"shoulder": 2, "side": 2}
+
+
+def waistcoat() -> list[Drafted]:
+    """Fronts and backs of two halves each, no sleeves; a deep neck, so that the front's centre is short."""
+    pieces = []
+    for name, depth in (("GILET DAVANTI", 26.0), ("GILET DIETRO", 2.5)):
+        half = half_body(name, 25.0, 58.0, 8.0, depth, 19.0)
+        pieces.append(Drafted(name, half.edges, "2", None, half.notches))
+    return pieces
+
+
+def square_necked() -> list[Drafted]:
+    """A waistcoat of four pieces, named left and right; only its backs are hollow twice, as its neck is square."""
+    right = [(0.0, 0.0), (25.0, 0.0), (25.0, 30.0), (18.0, 51.0), (11.0, 54.0), (11.0, 36.0), (0.0, 36.0)]
+    armhole = bezier(right[2], (18.0, 29.0), (16.5, 40.0), right[3])
+    edges = [[right[0], right[1]], [right[1], right[2]], armhole, [right[3], right[4]], [right[4], right[5]]]
+    front = Drafted("LEFT FRONT", [*edges, [right[5], right[6]], [right[6], right[0]]])
+    neck = bezier(right[4], (10.0, 51.5), (5.0, 51.0), (0.0, 51.0))
+    back = Drafted("RIGHT BACK", [*edges[:4], neck, [neck[-1], right[0]]])
+    return [front, back, _mirrored(front, "RIGHT FRONT"), _mirrored(back, "LEFT BACK")]
+
+
+def _mirrored(piece: Drafted, name: str) -> Drafted:
+    edges = [[(-x, y) for x, y in edge[::-1]] for edge in piece.edges[::-1]]
+    return Drafted(name, edges, piece.quantity)
+
+
+def wrapped_top() -> list[Drafted]:
+    """Fronts that cross each other: a neck from the shoulder to beyond the middle, above a short upright end."""
+    whole = half_body("ESPALDA", 23.0, 42.0, 8.5, 2.5, 19.0)
+    hem, side, armhole, shoulder, _, _ = half_body("DELANTERO", 23.0, 42.0, 8.5, 9.5, 19.0).edges
+    high, low, corner = shoulder[-1], (-12.0, 4.0), (-12.0, 0.0)
+    neck = bezier(high, (6.0, 30.0), (-5.0, 14.0), low)
+    front = Drafted("DELANTERO", [[corner, hem[-1]], side, armhole, shoulder, neck, [low, corner]], "2")
+    return [whole, front]
+
+
+EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
+    "waistcoat": waistcoat,
+    "square-necked waistcoat": square_necked,
+    "wrapped top": wrapped_top,
+}
+TRUE_EVERYDAY = {
+    "waistcoat": {**TOP, "centre back": 1},
+    "square-necked waistcoat": {**TOP, "centre back": 1},
+    "wrapped top": TOP,
+}

@@ -1,0 +1,21 @@
+"""Everyday clothes: of each pattern all seams are found, and none that is false."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from dxf_everyday import EVERYDAY, TRUE_EVERYDAY
+from dxf_patterns import Style, write
+from test_dxf import kinds
+
+from warp_cloth.pattern import read_drafted
+
+STYLES = [Style(), Style("ENGLISH", turned=90.0, entity="LWPOLYLINE", allowance=1.0)]
+
+
+@pytest.mark.parametrize("garment", EVERYDAY)
+def test_all_true_seams_are_found_and_no_others(tmp_path: Path, garment: str) -> None:
+    for style in STYLES:
+        draft = read_drafted(write(tmp_path / "a.dxf", {"M": EVERYDAY[garment]()}, style))
+        assert kinds(draft) == TRUE_EVERYDAY[garment]
