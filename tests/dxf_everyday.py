@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from dxf_patterns import Drafted, bezier, half_body
+from dxf_patterns import Drafted, band, bezier, half_body, length
 
 TOP = {"shoulder": 2, "side": 2}
 
@@ -44,13 +44,46 @@ def wrapped_top() -> list[Drafted]:
     return [whole, front]
 
 
+def wrap_skirt() -> list[Drafted]:
+    """Two fronts that lap over each other by 28 cm, below a waistband as long as all."""
+    side = bezier((26.0, 0.0), (26.0, 20.0), (25.0, 45.0), (17.0, 56.0))
+    back = [[(0.0, 0.0), (26.0, 0.0)], side, [side[-1], (0.0, 55.0)], [(0.0, 55.0), (0.0, 0.0)]]
+    lap, low = (-14.0, 55.0), (-14.0, 0.0)
+    front = [[low, (26.0, 0.0)], side, [side[-1], (0.0, 55.0)], [(0.0, 55.0), lap], [lap, low]]
+    waist = 4.0 * length(back[2]) + 28.0
+    return [
+        Drafted("Wickelrock hinten", back, "1", ((0.0, 55.0), (0.0, 0.0))),
+        Drafted("Wickelrock vorne", front, "2"),
+        band("Bund", waist, 4.0),
+    ]
+
+
+def wrap_dress() -> list[Drafted]:
+    """The top with crossed fronts and the wrap skirt, sewn at the waist half by half."""
+    whole, crossed = wrapped_top()
+    back, front, _ = wrap_skirt()
+    shift = whole.edges[0][-1][0] - back.edges[1][-1][0]  # both as wide at the waist
+
+    def wider(piece: Drafted, name: str) -> Drafted:
+        edges = [[(x + shift if x > 1.0 else x, y) for x, y in edge] for edge in piece.edges]
+        return Drafted(name, edges, piece.quantity, piece.fold)
+
+    front = wider(front, "FALDA DELANTERO")
+    front.edges = [[(max(x, -12.0), y) for x, y in edge] for edge in front.edges]
+    return [whole, crossed, wider(back, "FALDA ESPALDA"), front]
+
+
 EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "waistcoat": waistcoat,
     "square-necked waistcoat": square_necked,
     "wrapped top": wrapped_top,
+    "wrap skirt": wrap_skirt,
+    "wrap dress": wrap_dress,
 }
 TRUE_EVERYDAY = {
     "waistcoat": {**TOP, "centre back": 1},
     "square-necked waistcoat": {**TOP, "centre back": 1},
     "wrapped top": TOP,
+    "wrap skirt": {"side": 2, "waistband": 1},
+    "wrap dress": {"shoulder": 2, "side": 4, "waist": 3},
 }

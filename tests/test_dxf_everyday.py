@@ -19,3 +19,8 @@ def test_all_true_seams_are_found_and_no_others(tmp_path: Path, garment: str) ->
     for style in STYLES:
         draft = read_drafted(write(tmp_path / "a.dxf", {"M": EVERYDAY[garment]()}, style))
         assert kinds(draft) == TRUE_EVERYDAY[garment]
+
+
+def test_a_wrap_skirt_says_where_it_is_left_open(tmp_path: Path) -> None:
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": EVERYDAY["wrap skirt"]()}))
+    assert sum(note.startswith("the front is left open at") for note in draft.notes) == 1

@@ -12,6 +12,8 @@ from warp_cloth.pattern.runs import parts_of_kind, run_of
 from warp_cloth.pattern.sleeves import half_sleeves, sleeve_side, under_sleeve_of
 from warp_cloth.pattern.specification import Side
 
+LAPPED = 0.12  # relative, by which a skirt's fronts are wider than its back if they lap over each other
+
 
 def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
     """The closed run of edges that a band goes round, from the middle of the back, or an underarm or inner seam."""
@@ -55,10 +57,20 @@ def is_left_open(parts: Sequence[Part]) -> bool:
     return opens_in_front(parts) and not any("inseam" in parts[panel].roles for panel in parts_of_kind(parts, "front"))
 
 
+def skirt_fronts_cross(parts: Sequence[Part]) -> bool:
+    """Whether a skirt's fronts are of two halves that lap over each other: together much wider than what is behind."""
+    fronts = parts_of_kind(parts, "skirt_front")
+    ahead, behind = (
+        sum(parts[panel].shape.length(parts[panel].roles.get("hem", ())) for panel in panels)
+        for panels in (fronts, parts_of_kind(parts, "skirt_back"))
+    )
+    return {parts[panel].side for panel in fronts} == {LEFT, RIGHT} and 0.0 < behind * (1.0 + LAPPED) < ahead
+
+
 def opens_between_fronts(parts: Sequence[Part], ring: Sequence[Side]) -> bool:
     """Whether a ring of edges begins at one front and ends at another, and is open between them."""
     ends = [ring[0].panel, ring[-1].panel] if ring else []
-    return len({*ends}) == 2 and all(parts[panel].kind == "front" for panel in ends)
+    return len({*ends}) == 2 and all(parts[panel].kind in ("front", "skirt_front") for panel in ends)
 
 
 def around(
@@ -80,7 +92,7 @@ def around(
     if low:
         half = half[::-1]
     turn = [(True, *each) for each in half] + [(False, *each) for each in half[::-1]]
-    if "front" in fronts and is_left_open(parts):
+    if ("front" in fronts and is_left_open(parts)) or ("skirt_front" in fronts and skirt_fronts_cross(parts)):
         turn = [*turn[3:], *turn[:3]]
     found = [runs[key] for key in turn if key in runs]
     faces = {key[0] for key in runs}

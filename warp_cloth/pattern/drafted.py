@@ -108,11 +108,12 @@ def _told(parts: Sequence[Part], joints: Sequence[Joint], unsewn: Sequence[Joint
             f"(from {SEWN_FROM:g}); `warp-cloth pattern` lists them"
         )
     sewn = {side for joint in joints for side in (*joint.one, *joint.other)}
-    fronts = [panel for panel, part in enumerate(parts) if part.kind == "front" and part.side != BOTH]
-    centres = [Side(panel, edge) for panel in fronts for edge in parts[panel].roles.get("centre", ())]
-    if len(fronts) == 2 and centres and not sewn.intersection(centres):
-        names = ", ".join(f'"{short(side_text(parts, [side]))}"' for side in centres[:4])
-        told.append(f"the front is left open at {names}: state a seam to close it")
+    for kind in ("front", "skirt_front"):
+        fronts = [panel for panel, part in enumerate(parts) if part.kind == kind and part.side != BOTH]
+        centres = [Side(panel, edge) for panel in fronts for edge in parts[panel].roles.get("centre", ())]
+        if len(fronts) == 2 and centres and not sewn.intersection(centres):
+            names = ", ".join(f'"{short(side_text(parts, [side]))}"' for side in centres[:4])
+            told.append(f"the front is left open at {names}: state a seam to close it")
     for joint in unsewn[:8]:
         one, other = (short(side_text(parts, run)) for run in (joint.one, joint.other))
         told.append(f"proposed, but not sewn: {one} to {other}, {joint.reason}, confidence {joint.confidence:.2f}")

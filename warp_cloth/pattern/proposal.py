@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from warp_cloth.pattern.band_rings import around, opens_between_fronts, ring_of
+from warp_cloth.pattern.band_rings import around, opens_between_fronts, ring_of, skirt_fronts_cross
 from warp_cloth.pattern.bands_in_two import proposed_halves
 from warp_cloth.pattern.collars import proposed_collars
 from warp_cloth.pattern.draft import Part
@@ -228,16 +228,22 @@ def _skirts(parts: Sequence[Part]) -> Iterable[Joint]:
                     one, other = face_run(parts, front, "side", side), face_run(parts, back, "side", side, True)
                     yield from joint_of(parts, one, other, "side")
     yield from _between_panels(parts, (*fronts, *backs))
-    yield from _centres(parts, [face[0] for face in fronts], SKIRT_FRONT_CENTRE, "centre front")
+    closed = FRONT_CENTRE if skirt_fronts_cross(parts) else SKIRT_FRONT_CENTRE
+    yield from _centres(parts, [face[0] for face in fronts], closed, "centre front")
     yield from _centres(parts, [face[0] for face in backs], 1.0, "centre back")
     for kind in ("front", "back"):
-        for top in parts_of_kind(parts, kind):
-            for skirt in parts_of_kind(parts, f"skirt_{kind}"):
-                if parts[top].side == parts[skirt].side == BOTH:
-                    waist = run_of(skirt, parts[skirt].roles.get("waist", ()))
-                    hem = run_of(top, parts[top].roles.get("hem", ()), True)
-                    ease = FULL_WAIST_EASE if _are_unshaped_skirts(parts, waist) else GATHERED_WAIST_EASE
-                    yield from joint_of(parts, waist, hem, "waist", ease, FULL_SURE)
+        tops, skirts = parts_of_kind(parts, kind), parts_of_kind(parts, f"skirt_{kind}")
+        pairs = [(top, skirt) for top in tops for skirt in skirts if parts[top].side == parts[skirt].side]
+        runs = [
+            (
+                run_of(skirt, parts[skirt].roles.get("waist", ())),
+                run_of(top, parts[top].roles.get("hem", ()), True),
+            )
+            for top, skirt in pairs
+        ]
+        for waist, hem in runs or [(_half_ring(parts, f"skirt_{kind}", "waist"), _half_ring(parts, kind, "hem"))]:
+            ease = FULL_WAIST_EASE if _are_unshaped_skirts(parts, waist) else GATHERED_WAIST_EASE
+            yield from joint_of(parts, waist, hem, "waist", ease, FULL_SURE)
 
 
 def _are_unshaped_skirts(parts: Sequence[Part], ring: Sequence[Side]) -> bool:
