@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from dxf_patterns import Drafted, band, bezier, half_body, length
+from dxf_patterns import Drafted, band, bezier, half_body, length, sleeve
 
 TOP = {"shoulder": 2, "side": 2}
 
@@ -73,12 +73,21 @@ def wrap_dress() -> list[Drafted]:
     return [whole, crossed, wider(back, "FALDA ESPALDA"), front]
 
 
+def puff_sleeves() -> list[Drafted]:
+    """A short top whose sleeves are gathered at the cap, by a third, and at the cuff."""
+    front = half_body("BODICE FRONT", 25.0, 56.0, 8.5, 9.5, 20.0)
+    back = half_body("BODICE BACK", 25.0, 56.0, 8.5, 2.5, 20.0)
+    arm = sleeve("SLEEVE", 26.0, 30.0, 24.0, length(front.edges[2]), length(back.edges[2]), 1.33)
+    return [front, back, arm, band("CUFF", 32.0, 3.0, "2")]
+
+
 EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "waistcoat": waistcoat,
     "square-necked waistcoat": square_necked,
     "wrapped top": wrapped_top,
     "wrap skirt": wrap_skirt,
     "wrap dress": wrap_dress,
+    "puff sleeves": puff_sleeves,
 }
 TRUE_EVERYDAY = {
     "waistcoat": {**TOP, "centre back": 1},
@@ -86,4 +95,5 @@ TRUE_EVERYDAY = {
     "wrapped top": TOP,
     "wrap skirt": {"side": 2, "waistband": 1},
     "wrap dress": {"shoulder": 2, "side": 4, "waist": 3},
+    "puff sleeves": {**TOP, "sleeve cap": 2, "underarm": 2, "cuff": 2, "cuff ends": 2},
 }

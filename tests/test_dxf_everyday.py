@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from dxf_everyday import EVERYDAY, TRUE_EVERYDAY
 from dxf_patterns import Style, write
+from dxf_shirts import shirt, write_shirt
 from test_dxf import kinds
 
 from warp_cloth.pattern import read_drafted
@@ -24,3 +25,9 @@ def test_all_true_seams_are_found_and_no_others(tmp_path: Path, garment: str) ->
 def test_a_wrap_skirt_says_where_it_is_left_open(tmp_path: Path) -> None:
     draft = read_drafted(write(tmp_path / "a.dxf", {"M": EVERYDAY["wrap skirt"]()}))
     assert sum(note.startswith("the front is left open at") for note in draft.notes) == 1
+
+
+def test_a_cap_that_is_too_long_is_gathered_into_a_whole_armhole_only(tmp_path: Path) -> None:
+    """Where a yoke is missing, the armhole is too short for a plain sleeve, and nothing is gathered."""
+    pieces = [piece for piece in shirt() if "YOKE" not in piece.name]
+    assert not kinds(read_drafted(write_shirt(pieces, tmp_path / "a.dxf")))["sleeve cap"]

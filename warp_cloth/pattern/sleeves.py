@@ -10,10 +10,12 @@ import numpy as np
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, HALF_SLEEVES, LEFT, RIGHT
-from warp_cloth.pattern.runs import face_run, faces_of, joint_of, parts_of_kind, run_of
+from warp_cloth.pattern.runs import face_run, faces_of, joint_of, length_of, parts_of_kind, run_of
 from warp_cloth.pattern.specification import Side
 
 CAP_EASE, RAGLAN_EASE = (-0.01, 0.12), (-0.03, 0.05)
+# Of puff sleeves, gathered at the cap, and how sure that is; from where it is surer than a set-in sleeve too long
+GATHERED_CAP_EASE, GATHERED_SURE, GATHERED_FROM = (0.2, 1.0), 0.9, 0.17
 SURELY_APART = 0.02  # relative: by which one under sleeve fits better than the next
 DOUBTFUL = 0.7  # factor on the confidence where it does not
 HOLLOW = 5e-3  # [m] by which the front seam of an upper sleeve bows farther in than the back one
@@ -48,9 +50,21 @@ def proposed_sleeves(parts: Sequence[Part]) -> Iterable[Joint]:
                     own = run_of(sleeve, part.roles.get(f"raglan{mark}", ()))
                     yield from joint_of(parts, own, run, "raglan", RAGLAN_EASE)
                 continue
-            yield from joint_of(parts, cap, others, "sleeve cap", CAP_EASE)
+            yield from _set_in(parts, cap, others, side)
     for side in (LEFT, RIGHT):
         yield from _halves(parts, side, holes[side])
+
+
+def _set_in(parts: Sequence[Part], cap: tuple[Side, ...], hole: tuple[Side, ...], side: int) -> Iterable[Joint]:
+    """A cap eased into its armhole; or gathered, if that is a whole one: with a yoke missing it would be too short."""
+    more = length_of(parts, cap) / max(length_of(parts, hole), 1e-9) - 1.0
+    is_whole = all(
+        face_run(parts, each, "shoulder", side) for face in ("front", "back") for each in faces_of(parts, face)
+    )
+    if more > GATHERED_FROM and is_whole:
+        yield from joint_of(parts, cap, hole, "sleeve cap", GATHERED_CAP_EASE, GATHERED_SURE)
+    else:
+        yield from joint_of(parts, cap, hole, "sleeve cap", CAP_EASE)
 
 
 def _halves(
