@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from dxf_patterns import Drafted, band, bezier, half_body, length, sleeve
+from dxf_patterns import Drafted, band, bezier, half_body, length, sleeve, tshirt
 
 TOP = {"shoulder": 2, "side": 2}
 
@@ -81,6 +81,12 @@ def puff_sleeves() -> list[Drafted]:
     return [front, back, arm, band("CUFF", 32.0, 3.0, "2")]
 
 
+def rolled_collar() -> list[Drafted]:
+    """The T-shirt with a collar and cuffs that are folded over: hardly longer than wide."""
+    front, back, arm, neckband = tshirt()
+    return [front, back, arm, band("COLLAR", length(neckband.edges[0]), 18.0), band("CUFF", 28.0, 16.0, "2")]
+
+
 EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "waistcoat": waistcoat,
     "square-necked waistcoat": square_necked,
@@ -88,6 +94,7 @@ EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "wrap skirt": wrap_skirt,
     "wrap dress": wrap_dress,
     "puff sleeves": puff_sleeves,
+    "rolled collar": rolled_collar,
 }
 TRUE_EVERYDAY = {
     "waistcoat": {**TOP, "centre back": 1},
@@ -96,4 +103,8 @@ TRUE_EVERYDAY = {
     "wrap skirt": {"side": 2, "waistband": 1},
     "wrap dress": {"shoulder": 2, "side": 4, "waist": 3},
     "puff sleeves": {**TOP, "sleeve cap": 2, "underarm": 2, "cuff": 2, "cuff ends": 2},
+    "rolled collar": {
+        **{**TOP, "sleeve cap": 2, "underarm": 2, "cuff": 2, "cuff ends": 2},
+        **{"collar": 1, "collar ends": 1},
+    },
 }

@@ -18,7 +18,7 @@ STRAIGHT = 0.03  # of the chord, that a straight edge bows at most
 BENT = np.radians(40.0)  # turn of a corner at which another edge begins
 DART = np.radians(110.0)  # how far the outline turns back at a dart's tip
 DART_ALIKE = 0.05  # relative difference of a dart's legs
-STRIP = 2.5  # length over width
+STRIP, NAMED_STRIP = 2.5, 1.15  # length over width; of a straight piece that its name makes a band, as a deep cuff
 STEEP = 0.75  # |dy| of an underarm edge, per length
 BOWED_END = 0.08  # of the chord, that the top of a sleeve bows, and its hem does not
 
@@ -110,10 +110,12 @@ def concave_count(shape: Shape) -> int:
     return sum(shape.is_concave(k) for k in shape.order)
 
 
-def is_strip(shape: Shape) -> bool:
-    """Whether a piece is a band: long, with two ends."""
+def is_strip(shape: Shape, is_named: bool = False) -> bool:
+    """Whether a piece is a band: long, with two ends; ``is_named``: its name says so, and it may be shorter."""
     size = shape.box[1] - shape.box[0]
-    return bool(max(size) > STRIP * min(size)) and 4 <= len(shape.order) <= 12 and not concave_count(shape)
+    is_short = is_named and all(shape.is_straight(k) for k in shape.order)
+    least = NAMED_STRIP if is_short else STRIP
+    return bool(max(size) > least * min(size)) and 4 <= len(shape.order) <= 12 and not concave_count(shape)
 
 
 def upright(edges: tuple[Chain, ...], kind: str) -> Floats:
