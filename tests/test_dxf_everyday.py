@@ -11,6 +11,7 @@ from dxf_shirts import shirt, write_shirt
 from test_dxf import kinds
 
 from warp_cloth.pattern import read_drafted
+from warp_cloth.pattern.kinds import named
 
 STYLES = [Style(), Style("ENGLISH", turned=90.0, entity="LWPOLYLINE", allowance=1.0)]
 
@@ -20,6 +21,15 @@ def test_all_true_seams_are_found_and_no_others(tmp_path: Path, garment: str) ->
     for style in STYLES:
         draft = read_drafted(write(tmp_path / "a.dxf", {"M": EVERYDAY[garment]()}, style))
         assert kinds(draft) == TRUE_EVERYDAY[garment]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("BORD COTE MANCHE", "cuff"), ("Bündchen Hals", "collar"), ("etek ribana", "hem_band"), ("KOL RİBANA", "cuff"),
+     ("bord-côte taille", "waistband"), ("下摆罗纹", "hem_band"), ("Rib Front", "front")],
+)  # fmt: skip
+def test_where_a_band_of_rib_goes_tells_what_it_is(name: str, kind: str) -> None:
+    assert named(name).kind == kind
 
 
 def test_a_wrap_skirt_says_where_it_is_left_open(tmp_path: Path) -> None:

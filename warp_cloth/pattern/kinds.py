@@ -11,6 +11,8 @@ from warp_cloth.pattern.vocabulary import (
     BESIDE,
     INNER_CLOTH,
     LEFT_WORDS,
+    RIB,
+    RIBBED,
     RIGHT_WORDS,
     SIDE_PANEL_WORDS,
     STAND,
@@ -164,6 +166,8 @@ def _named(name: str) -> Named:
     found = [kind for kind, words in WORDS if re.search(words, text)]
     side = next((side for side, words in SIDES if re.search(words, text)), BOTH)
     kind = found[0] if found else ""
+    if kind != "none" and re.search(RIB, text):
+        kind = next((band for band, words in RIBBED if re.search(words, text)), kind)
     face = next((each for each in found[1:] if each in ("front", "back")), "")
     if kind in ("leg", "skirt"):
         is_panel = kind == "skirt" and face and re.search(SIDE_PANEL_WORDS, text)

@@ -34,7 +34,8 @@ WORDS = (
         "cuff",
         r"cuff|\bcff\b|(sleeve|\barm|wrist)[ _-]*(hem[ _-]*)?(band|rib)\b"
         r"|\bb(ue|u)ndchen\b|a(e|)rmelb(ue|u)ndchen|manschette|manchet|(?<!hals)boord\b|poignet|\bpun(h)?o"
-        r"|polsino|\bpolso|mankiet|manzet|манжет|\bmanset|linning|\bmudd\b|kalvosin|xiu ?kou|\bke ?fu|袖口"
+        r"|fondo gamba|(jiao|ku) ?kou|脚口|裤口|\bbas de (manche|jambe)"
+        r"|polsin|\bpolso|mankiet|manzet|манжет|\bmanset|linning|\bmudd\b|kalvosin|xiu ?kou|\bke ?fu|袖口"
         r"|克夫|袖头|袖克|カフス|커프스|소매단|mandzsetta|kezelo\b|\bmanseta\b",
     ),
     (
@@ -95,6 +96,15 @@ WORDS = (
         r"|\bht\b|rear|arriere|achter|\btyl|zadni|spink|спинк|зад|\bzad|\barka|baksty|bakst|\bbak\b|bagstyk"
         r"|takakap|\btaka|\bhou(?!se|r)|后|後|\bushiro|뒤|than sau|\bhat(a|ulja|so|resz)\b|\bspate\b",
     ),
+)
+# Words for a band of rib (plain "rib" may be the cloth of a sleeve), and for where it goes, which tells its kind
+RIB = r"ribana|lastigi|b(ue|u)ndchen|bord[ _-]*cotes?\b|\bcostin|\bcanale\b|\bbord(o|ino)\b|罗纹"
+RIBBED = (
+    ("collar", r"neck|hals|ausschnitt|encolure|\bcol\b|cuello|escote|\bcollo|colletto|scollo|\byaka|dekolt|领|領|衿"),
+    ("cuff", r"sleeve|wrist|cuff|ankle|\barm|a(e|)rmel|manche|poignet|manga|puno|manica|polso|\bkol\b|rekaw|袖"),
+    ("cuff", r"\bleg\b|\bbein|jambe|pernera|pierna|gamba|\bpaca\b|nogawk|裤口|脚口|裤脚"),
+    ("waistband", r"waist|\bbund\b|taille|cintura|\bvita\b|\bbel\b|\bpas\b|腰"),
+    ("hem_band", r"\bhem\b|bottom|\bbtm\b|saum|\bbas\b|ourlet|\bbajo|fondo|\betek\b|\bdol\b|下摆"),
 )
 # What a piece is cut for, and is not: "front without pocket"
 BESIDE = (
