@@ -21,11 +21,12 @@ from warp_cloth.pattern.roles import Shape
 SEAMS = Counter({"shoulder": 2, "side": 2, "crotch": 1})
 
 
-def bodysuit() -> list[Drafted]:
+def bodysuit(is_flat: bool = False) -> list[Drafted]:
+    """``is_flat``: its openings run out more than up, as far as the hip is wide."""
     pieces = []
     for name, depth, inner in (("FRONT", 11.0, (5.0, -22.0)), ("BACK", 5.0, (9.0, -27.0))):
         _, side, armhole, shoulder, neck, _ = half_body(name, 26.0, 44.0, 8.0, depth, 17.0).edges
-        crotch, hip, centre = (3.5, -31.0), (26.0, -4.0), (0.0, -31.0)
+        crotch, hip, centre = (3.5, -31.0), (26.0, -14.0 if is_flat else -4.0), (0.0, -31.0)
         leg = bezier(crotch, inner, (inner[0] + 9.0, inner[1] + 9.0), hip)
         up = bezier(hip, (25.0, 2.0), (22.0, 8.0), side[1])
         edges = [line(centre, crotch), leg, up, armhole, shoulder, neck, line(neck[-1], centre)]
@@ -43,6 +44,22 @@ def test_openings_for_legs_stay_open(is_halved: bool, across: bool, tmp_path: Pa
     found = kinds(read_drafted(path))
     assert found == (Counter({"shoulder": 2, "side": 2, "crotch": 2, "centre back": 1}) if is_halved else SEAMS)
     assert boundary_loops(path, DraftOptions()) == 5  # neck, arms and legs; an open front is one with the neck
+
+
+def test_the_crotch_ends_at_corners_where_openings_run_flat(tmp_path: Path) -> None:
+    """They were taken for the hem with it, which is too wide for a crotch, and nothing was sewn there."""
+    path = write(tmp_path / "a.dxf", {"M": bodysuit(is_flat=True)})
+    assert kinds(read_drafted(path)) == SEAMS
+    assert boundary_loops(path, DraftOptions()) == 5
+
+
+def test_a_pointed_hem_is_no_crotch() -> None:
+    half = half_body("FRONT", 26.0, 60.0, 8.5, 9.5, 22.0)
+    _, side, *others, centre = half.edges
+    point = (8.0, -8.0)
+    edges = [line((0.0, 0.0), point), line(point, side[0]), side, *others, centre]
+    shape = Shape(tuple(Chain(0.01 * np.array(edge)) for edge in edges), np.array([0.0, 1.0]))
+    assert "crotch" not in with_leg_openings(shape, bodice_roles(shape, False, arm_side), False)
 
 
 def test_a_small_top_that_is_narrow_at_its_hem_has_none() -> None:

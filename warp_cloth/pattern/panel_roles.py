@@ -34,7 +34,7 @@ def side_panel_roles(shape: Shape) -> Roles:
     roles: Roles = {"hem": shape.run(hem_first, hem_end)}
     if not right or not left:
         return roles
-    corners = [float(len(_smooth_runs(shape, path))) for path in (right, left)]
+    corners = [float(len(smooth_runs(shape, path))) for path in (right, left)]
     if corners[0] == corners[1]:
         corners = [-shape.length(path) for path in (right, left)]
     if corners[0] < corners[1]:
@@ -56,7 +56,7 @@ def legged_roles(shape: Shape) -> Roles:
         if fork is None or len(outer) < 2:
             continue
         below, above = (inner[:fork], inner[fork:]) if mark == "+" else (inner[fork:], inner[:fork])
-        runs = _smooth_runs(shape, above)
+        runs = smooth_runs(shape, above)
         neck, *rest = runs[::-1] if mark == "+" else runs
         centre = tuple(k for k in above if k not in neck)
         arm = arm_side(shape, outer if other == "+" else outer[::-1], other)
@@ -106,7 +106,7 @@ def yoked_roles(shape: Shape, whole: bool) -> Roles:
         if not whole and all(shape.is_straight(k) for k in path):
             roles["centre"] = path
             continue
-        runs = _smooth_runs(shape, path)
+        runs = smooth_runs(shape, path)
         top = runs[-1] if mark == "+" else runs[0]
         if len(runs) < 2 or not any(shape.is_concave(k) for k in top):
             return {}
@@ -141,7 +141,7 @@ def _is_plumb(shape: Shape, k: int) -> bool:
 
 def _outer_side(shape: Shape, path: tuple[int, ...], mark: str) -> Roles:
     """Side, armhole and shoulder of a side panel; no shoulder where the princess seam comes from the armhole."""
-    runs = _smooth_runs(shape, path)
+    runs = smooth_runs(shape, path)
     top = runs[-1] if mark == "+" else runs[0]
     if len(runs) < 2 or not any(shape.is_concave(k) for k in top):
         return arm_side(shape, path if mark == "+" else path[::-1], mark)
@@ -151,13 +151,13 @@ def _outer_side(shape: Shape, path: tuple[int, ...], mark: str) -> Roles:
 def middle_side(shape: Shape, up: Sequence[int], mark: str) -> Roles:
     """princess, armhole and shoulder of a middle panel's edges from the hem up to the neck; runs as the loop runs."""
     along = tuple(up) if mark == "+" else tuple(up)[::-1]
-    runs = _smooth_runs(shape, along)
+    runs = smooth_runs(shape, along)
     runs = runs if mark == "+" else runs[::-1]
     names = ("princess", "shoulder") if len(runs) == 2 else ("princess", "armhole", "shoulder")
     return {f"{name}{mark}": run for name, run in zip(names, runs, strict=False)} if len(runs) in (2, 3) else {}
 
 
-def _smooth_runs(shape: Shape, path: Sequence[int]) -> list[tuple[int, ...]]:
+def smooth_runs(shape: Shape, path: Sequence[int]) -> list[tuple[int, ...]]:
     """A path along the loop parted at its sharp corners."""
     runs: list[tuple[int, ...]] = []
     for place, k in enumerate(path):
@@ -177,7 +177,7 @@ def half_sleeve_roles(shape: Shape) -> Roles:
     count = len(shape.edges)
     (hem_first, hem_end), _ = ends_of(shape)
     hem = shape.run(hem_first, hem_end)
-    runs = _smooth_runs(shape, shape.run(hem_end, hem_first))
+    runs = smooth_runs(shape, shape.run(hem_end, hem_first))
     if len(runs) < 3 or len(shape.order) < count:
         return {}
     mark = "+" if shape.length(runs[0]) < shape.length(runs[-1]) else "-"
