@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from dxf_patterns import Drafted, band, bezier, half_body, length, sleeve, tshirt
+from dxf_patterns import TRUE_SEAMS, Drafted, band, bezier, half_body, length, sleeve, trousers, tshirt
 
 TOP = {"shoulder": 2, "side": 2}
 
@@ -87,6 +87,12 @@ def rolled_collar() -> list[Drafted]:
     return [front, back, arm, band("COLLAR", length(neckband.edges[0]), 18.0), band("CUFF", 28.0, 16.0, "2")]
 
 
+def half_waistband() -> list[Drafted]:
+    """Trousers whose waistband is drawn by half, as it is cut on a fold, which nothing says."""
+    front, back, waistband = trousers()
+    return [front, back, band("WAISTBAND", 0.5 * length(waistband.edges[0]), 4.0)]
+
+
 EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "waistcoat": waistcoat,
     "square-necked waistcoat": square_necked,
@@ -95,6 +101,7 @@ EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "wrap dress": wrap_dress,
     "puff sleeves": puff_sleeves,
     "rolled collar": rolled_collar,
+    "half a waistband": half_waistband,
 }
 TRUE_EVERYDAY = {
     "waistcoat": {**TOP, "centre back": 1},
@@ -107,4 +114,5 @@ TRUE_EVERYDAY = {
         **{**TOP, "sleeve cap": 2, "underarm": 2, "cuff": 2, "cuff ends": 2},
         **{"collar": 1, "collar ends": 1},
     },
+    "half a waistband": TRUE_SEAMS["trousers"],
 }

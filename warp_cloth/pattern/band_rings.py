@@ -12,6 +12,7 @@ from warp_cloth.pattern.runs import parts_of_kind, run_of
 from warp_cloth.pattern.sleeves import half_sleeves, sleeve_side, under_sleeve_of
 from warp_cloth.pattern.specification import Side
 
+UNSHAPED = 0.85  # waist over hem, of a skirt that is shaped by its gathers alone
 LAPPED = 0.12  # relative, by which a skirt's fronts are wider than its back if they lap over each other
 
 
@@ -55,6 +56,13 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
 def is_left_open(parts: Sequence[Part]) -> bool:
     """Whether the front opens from neck to hem: of two halves, and not of a romper, which is closed to its fork."""
     return opens_in_front(parts) and not any("inseam" in parts[panel].roles for panel in parts_of_kind(parts, "front"))
+
+
+def are_unshaped_skirts(parts: Sequence[Part], ring: Sequence[Side]) -> bool:
+    """Whether the waists of a ring are of skirts that are as wide there as at their hems: cut to be gathered."""
+    skirts = [parts[panel] for panel in {side.panel for side in ring}]
+    widths = [[skirt.shape.length(skirt.roles.get(role, ())) for role in ("waist", "hem")] for skirt in skirts]
+    return all("skirt" in skirt.kind for skirt in skirts) and all(a > UNSHAPED * b > 0.0 for a, b in widths)
 
 
 def skirt_fronts_cross(parts: Sequence[Part]) -> bool:

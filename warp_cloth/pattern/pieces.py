@@ -234,17 +234,30 @@ def _told_folds(drawn: Drawn, edges: Sequence[Chain]) -> list[Floats]:
 
 def opened(piece: Piece, centre: Sequence[int]) -> Piece | None:
     """A half piece mirrored at the edges of its centre; None where these are no straight fold."""
-    fold = _fold_of(piece.edges, [np.stack([piece.edges[centre[0]].start, piece.edges[centre[-1]].end])])
-    if fold is None or {k for k, flat in enumerate(fold[2]) if flat} != set(centre):
+    made = mirrored_at(piece.edges, centre)
+    if made is None:
         return None
-    start, along, flat = fold
-    edges, mirror = _unfolded(piece.edges, flat, start, along)
-    matrix = 2.0 * np.outer(along, along) - np.eye(2)
-    shift = start - matrix @ start
+    edges, mirror, matrix, shift = made
     notches = np.concatenate([piece.notches, piece.notches @ matrix.T + shift])
     other = tuple(tuple(edge.turned(matrix, shift).reversed for edge in hole[::-1]) for hole in piece.holes)
     darts = (*piece.darts, *(turned(dart, matrix, shift) for dart in piece.darts))
-    return replace(piece, edges=tuple(edges), mirror=mirror, notches=notches, holes=(*piece.holes, *other), darts=darts)
+    return replace(piece, edges=edges, mirror=mirror, notches=notches, holes=(*piece.holes, *other), darts=darts)
+
+
+def mirrored_at(
+    edges: Sequence[Chain], run: Sequence[int]
+) -> tuple[tuple[Chain, ...], tuple[int, ...], Floats, Floats] | None:
+    """An outline and its mirror image at a run of its edges as one; None where these are no straight fold.
+
+    Also which edge is each one's mirror image, and the reflection: ``matrix @ point + shift``.
+    """
+    fold = _fold_of(edges, [np.stack([edges[run[0]].start, edges[run[-1]].end])])
+    if fold is None or {k for k, flat in enumerate(fold[2]) if flat} != set(run):
+        return None
+    start, along, flat = fold
+    both, mirror = _unfolded(edges, flat, start, along)
+    matrix = 2.0 * np.outer(along, along) - np.eye(2)
+    return tuple(both), mirror, matrix, np.asarray(start - matrix @ start)
 
 
 def _unfolded(

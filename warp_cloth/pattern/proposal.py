@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from warp_cloth.pattern.band_rings import around, opens_between_fronts, ring_of, skirt_fronts_cross
+from warp_cloth.pattern.band_rings import are_unshaped_skirts, around, opens_between_fronts, ring_of, skirt_fronts_cross
 from warp_cloth.pattern.bands_in_two import proposed_halves
 from warp_cloth.pattern.collars import proposed_collars
 from warp_cloth.pattern.draft import Part
@@ -48,7 +48,6 @@ BAND_EASE = (-0.4, 0.04)  # a band gathers what it goes round, or stretches
 GATHERED_WAIST_EASE = (-0.02, 1.0)  # of a skirt to a bodice
 # Of skirts as wide at the waist as at the hem, gathered to a third; how sure gathers are
 FULL_BAND_EASE, FULL_WAIST_EASE, FULL_SURE = (-0.68, 0.04), (-0.02, 2.1), 0.9
-UNSHAPED = 0.85  # waist over hem, of a skirt that is shaped by its gathers alone
 WAIST_EASE = (-0.05, 0.03)  # of trousers to a bodice, which blouses over them
 RIVAL = 0.05  # of confidence, by which the surest seam of an edge is to be surer than the next
 
@@ -242,15 +241,8 @@ def _skirts(parts: Sequence[Part]) -> Iterable[Joint]:
             for top, skirt in pairs
         ]
         for waist, hem in runs or [(_half_ring(parts, f"skirt_{kind}", "waist"), _half_ring(parts, kind, "hem"))]:
-            ease = FULL_WAIST_EASE if _are_unshaped_skirts(parts, waist) else GATHERED_WAIST_EASE
+            ease = FULL_WAIST_EASE if are_unshaped_skirts(parts, waist) else GATHERED_WAIST_EASE
             yield from joint_of(parts, waist, hem, "waist", ease, FULL_SURE)
-
-
-def _are_unshaped_skirts(parts: Sequence[Part], ring: Sequence[Side]) -> bool:
-    """Whether the waists of a ring are of skirts that are as wide there as at their hems: cut to be gathered."""
-    skirts = [parts[panel] for panel in {side.panel for side in ring}]
-    widths = [[skirt.shape.length(skirt.roles.get(role, ())) for role in ("waist", "hem")] for skirt in skirts]
-    return all("skirt" in skirt.kind for skirt in skirts) and all(a > UNSHAPED * b > 0.0 for a, b in widths)
 
 
 def _jumpsuits(parts: Sequence[Part]) -> Iterable[Joint]:
@@ -307,7 +299,7 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
         if not ring:
             continue
         ease = BAND_EASE
-        if part.kind == "waistband" and _are_unshaped_skirts(parts, ring):
+        if part.kind == "waistband" and are_unshaped_skirts(parts, ring):
             is_full = length_of(parts, run_of(band, part.roles["long"])) < (1.0 + ease[0]) * length_of(parts, ring)
             ease, sure = (FULL_BAND_EASE, sure * FULL_SURE) if is_full else (ease, sure)
         best = [

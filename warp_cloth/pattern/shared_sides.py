@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from warp_cloth.pattern.collars import with_collars
 from warp_cloth.pattern.draft import Part, Stated, parts_of
+from warp_cloth.pattern.half_bands import with_whole_bands
 from warp_cloth.pattern.kinds import SIDE_PANEL
 from warp_cloth.pattern.layers import with_single_layers
 from warp_cloth.pattern.piece import Piece
@@ -49,8 +50,9 @@ def _made(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> t
     for way in WAYS:
         parts = _parted(parts, way)
     parts, layers = with_single_layers(with_skirt_panels(parts))
+    parts, halves = with_whole_bands(parts)
     parts, collars = with_collars(parts)
-    return parts, [*notes, *layers, *collars]
+    return parts, [*notes, *layers, *halves, *collars]
 
 
 def _parted(parts: Sequence[Part], way: str, is_shared: bool = False) -> tuple[Part, ...]:
