@@ -93,6 +93,19 @@ def half_waistband() -> list[Drafted]:
     return [front, back, band("WAISTBAND", 0.5 * length(waistband.edges[0]), 4.0)]
 
 
+def dropped_shoulders() -> list[Drafted]:
+    """An oversize shirt cut straight: armholes go on where the sides end, and sleeves are trapezia."""
+    pieces = []
+    for name, depth in (("FRONT", 9.0), ("BACK", 2.5)):
+        under, tip, high, low = (30.0, 44.0), (31.0, 68.0), (9.0, 72.0), (0.0, 72.0 - depth)
+        neck = bezier(high, (9.0, 72.0 - 0.7 * depth), (4.5, low[1]), low)
+        path = [[(0.0, 0.0), (29.0, 0.0)], [(29.0, 0.0), under], [under, tip], [tip, high], neck, [low, (0.0, 0.0)]]
+        pieces.append(Drafted(name, path, "1", (low, (0.0, 0.0))))
+    cap = length(pieces[0].edges[2])
+    path = [(-16.0, 0.0), (16.0, 0.0), (cap, 30.0), (-cap, 30.0)]
+    return [*pieces, Drafted("SLEEVE", [[a, b] for a, b in zip(path, [*path[1:], path[0]], strict=True)], "2")]
+
+
 EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "waistcoat": waistcoat,
     "square-necked waistcoat": square_necked,
@@ -102,6 +115,7 @@ EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "puff sleeves": puff_sleeves,
     "rolled collar": rolled_collar,
     "half a waistband": half_waistband,
+    "dropped shoulders": dropped_shoulders,
 }
 TRUE_EVERYDAY = {
     "waistcoat": {**TOP, "centre back": 1},
@@ -115,4 +129,5 @@ TRUE_EVERYDAY = {
         **{"collar": 1, "collar ends": 1},
     },
     "half a waistband": TRUE_SEAMS["trousers"],
+    "dropped shoulders": {**TOP, "sleeve cap": 2, "underarm": 2},
 }

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from dxf_everyday import EVERYDAY, TRUE_EVERYDAY
-from dxf_patterns import Style, write
+from dxf_patterns import Drafted, Style, write
 from dxf_shirts import shirt, write_shirt
 from test_dxf import kinds
 
@@ -41,3 +41,13 @@ def test_a_cap_that_is_too_long_is_gathered_into_a_whole_armhole_only(tmp_path: 
     """Where a yoke is missing, the armhole is too short for a plain sleeve, and nothing is gathered."""
     pieces = [piece for piece in shirt() if "YOKE" not in piece.name]
     assert not kinds(read_drafted(write_shirt(pieces, tmp_path / "a.dxf")))["sleeve cap"]
+
+
+def test_a_straight_armhole_is_none_where_no_sleeve_is_as_long(tmp_path: Path) -> None:
+    """The corner is then one of the side, and the side is sewn as a whole."""
+    front, back, _ = EVERYDAY["dropped shoulders"]()
+    longer = [[(1.3 * x, y) for x, y in edge] for edge in EVERYDAY["dropped shoulders"]()[2].edges]
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": [front, back, Drafted("SLEEVE", longer, "2")]}))
+    sides = [joint for joint in draft.joints if joint.reason.startswith("side")]
+    assert [len(joint.one) for joint in sides] == [2, 2]
+    assert not kinds(draft)["sleeve cap"]

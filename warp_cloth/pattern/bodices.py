@@ -38,10 +38,10 @@ def bodice_roles(shape: Shape, whole: bool, side_roles: Callable[[Shape, Sequenc
         return roles
     found = [_half_roles(shape, roles, centre, at_right, side_roles)
              for centre, at_right in _centre_runs(shape, hem_first, hem_end)]  # fmt: skip
-    hollow = [each for each in found if _has_hollow_armhole(shape, each)]
     # a side may be longer than the centre below a deep neck; beyond it the neck would be the armhole, with no shoulder
-    with_shoulder = [each for each in hollow if any(role.startswith("shoulder") for role in each)]
-    return next(iter([*with_shoulder, *hollow, *found]), roles)
+    found.sort(key=lambda each: not any(role.startswith("shoulder") for role in each))
+    hollow = [each for each in found if _has_hollow_armhole(shape, each)]
+    return next(iter([*hollow, *found]), roles)
 
 
 def _half_roles(

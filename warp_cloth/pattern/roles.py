@@ -134,11 +134,19 @@ def upright(edges: tuple[Chain, ...], kind: str) -> Floats:
     elif kind in ("sleeve", "under_sleeve") and (ends := [k for k in shape.order if _is_bowed_end(shape, k)]):
         most = max(ends, key=lambda k: abs(shape.bow(k)))  # the cap, or the top of an under sleeve
         above = float(shape.middle(most)[1] - low[1]) / height - 0.5
+    elif kind == "sleeve" and all(_is_flat(shape, shape.run(*end)) for end in ends_of(shape)):
+        above = (shape.width(0.96) - shape.width(0.04)) / max(shape.width(0.5), 1e-6)  # a straight cap is the wider end
     elif kind == "skirt" or kind.endswith(("sleeve", "skirt_front", "skirt_back", "gore")):
         above = (shape.width(0.04) - shape.width(0.96)) / max(shape.width(0.5), 1e-6)
     else:
         above = 0.0
     return np.array([0.0, -1.0 if above < -0.02 else 1.0])
+
+
+def _is_flat(shape: Shape, run: Sequence[int]) -> bool:
+    """Whether a run of edges lies level, within a little of its length."""
+    points = np.concatenate([shape.turned[k].points for k in run])
+    return bool(np.ptp(points[:, 1]) < STRAIGHT * shape.length(run))
 
 
 def _is_bowed_end(shape: Shape, k: int) -> bool:
