@@ -1,4 +1,4 @@
-"""Pocket openings of trousers: the corner between side and waist, cut out of a front for a pocket set in behind it.
+"""Pocket openings: the corner between side and waist, cut out of a front of trousers or a skirt, a pocket behind it.
 
 What is worn there is the pocket's facing, which goes on from the front's side and waist to the corner where these meet.
 """
@@ -13,9 +13,9 @@ import numpy as np
 from warp_cloth.pattern.by_shape import is_leg_and_no_bodice
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
-from warp_cloth.pattern.panel_roles import legged_roles
+from warp_cloth.pattern.panel_roles import half_skirt_roles, legged_roles
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.roles import STRAIGHT, Shape, leg_roles, upright
+from warp_cloth.pattern.roles import STRAIGHT, Shape, leg_roles, skirt_roles, upright
 from warp_cloth.pattern.specification import short
 
 GONE = (0.025, 0.25)  # [m] of side and of waist that an opening takes away
@@ -27,7 +27,7 @@ AS_LONG = 0.01  # relative: to which the front's side is then as long as the bac
 
 
 def without_pocket_openings(pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
-    """The pieces, fronts of trousers with the corner that a pocket opening takes away; and notes on that.
+    """The pieces, fronts of trousers and skirts with the corner that a pocket opening takes away; and notes on that.
 
     An opening is closed where the front's side is then as long as the back's, with a yoke above it or not, and nearer
     to that than with the opening as the end of the side.
@@ -35,10 +35,13 @@ def without_pocket_openings(pieces: Sequence[Piece]) -> tuple[list[Piece], list[
     backs = [_side(piece) for piece in pieces if piece.what.kind in ("back", "leg_back") and _is_leg(piece)]
     yokes = [edge.length for piece in pieces if piece.what.kind == "yoke" for edge in piece.edges]
     sides = [back + yoke for back in backs for yoke in (0.0, *yokes)]
+    skirt_sides = [_skirt_side(piece) for piece in pieces if piece.what.kind == "skirt_back" and not piece.what.panel]
     out, notes = list(pieces), []
     for index, piece in enumerate(pieces):
         is_front = piece.what.kind in ("front", "leg_front") and piece.mirror is None
         closed = _best(piece, sides) if is_front and sides else None
+        if piece.what.kind == "skirt_front" and not piece.what.panel and skirt_sides:
+            closed = _best_skirt(piece, skirt_sides)
         if closed is not None:
             out[index] = closed
             why = "a pocket opening is closed, its side and waist going on to where they meet"
@@ -60,6 +63,24 @@ def _best(front: Piece, sides: Sequence[float]) -> Piece | None:
     return min(closed, key=lacks, default=None)
 
 
+def _best_skirt(front: Piece, sides: Sequence[float]) -> Piece | None:
+    """A skirt's front without its openings, on both sides of one on the fold; None: it has none, as for ``_best``."""
+
+    def lacks(piece: Piece) -> float:
+        return min(abs(_skirt_side(piece) / side - 1.0) for side in sides)
+
+    closed = list(_closed(front)) if front.mirror is None else list(_closed_on_both_sides(front, front.mirror))
+    fit = [piece for piece in closed if lacks(piece) < min(AS_LONG, lacks(front))]
+    return min(fit, key=lacks, default=None)
+
+
+def _skirt_side(piece: Piece) -> float:
+    """Length of a skirt's side seam [m]; 0 where it is not told from the middle of half a skirt."""
+    shape = Shape(piece.edges, upright(piece.edges, "skirt"))
+    roles = skirt_roles(shape) if piece.mirror is not None else half_skirt_roles(shape)
+    return shape.length(roles.get("side+") or roles.get("side-", ()))
+
+
 def _is_leg(piece: Piece) -> bool:
     """Whether it is half of trousers, and of no romper, whose armhole lies as an opening does."""
     is_half = piece.mirror is None and is_leg_and_no_bodice(piece)
@@ -74,20 +95,35 @@ def _side(piece: Piece) -> float:
 
 def _closed(piece: Piece) -> Iterable[Piece]:
     """The piece with one of its edges replaced by the corner to which the edges next to it go on, if they meet."""
-    shape, count = Shape(piece.edges, upright(piece.edges, "leg_front")), len(piece.edges)
+    for k in range(len(piece.edges)):
+        if made := _corner(piece, k):
+            yield replace(piece, edges=tuple(made.get(n, edge) for n, edge in enumerate(piece.edges) if n != k))
+
+
+def _closed_on_both_sides(piece: Piece, mirror: Sequence[int]) -> Iterable[Piece]:
+    """The symmetric piece with one of its edges, and that one's mirror image, so replaced."""
+    count = len(piece.edges)
     for k in range(count):
-        if min(shape.turn_after(k - 1), shape.turn_after(k)) < SHARP or shape.bow(k) > STRAIGHT * shape.edges[k].chord:
-            continue
-        before, after = piece.edges[k - 1], piece.edges[(k + 1) % count]
-        meeting = _meeting(_going_on(before), _going_on(after.reversed)) if count > 4 else None
-        if meeting is None:
-            continue
-        made = {
-            (k - 1) % count: Chain(np.concatenate([before.points, meeting[0]])),
-            (k + 1) % count: Chain(np.concatenate([meeting[1][::-1], after.points])),
-        }
-        edges = tuple(made.get(n, edge) for n, edge in enumerate(piece.edges) if n != k)
-        yield replace(piece, edges=edges)
+        made, there = _corner(piece, k), _corner(piece, mirror[k]) if mirror[k] > k else {}
+        if made and there and {*made}.isdisjoint({*there, mirror[k]}):
+            kept = [n for n in range(count) if n not in (k, mirror[k])]
+            edges = tuple((made | there).get(n, piece.edges[n]) for n in kept)
+            yield replace(piece, edges=edges, mirror=tuple(kept.index(mirror[n]) for n in kept))
+
+
+def _corner(piece: Piece, k: int) -> dict[int, Chain]:
+    """The edges before and after an edge, led on to where they meet; none where it is no opening."""
+    shape, count = Shape(piece.edges, upright(piece.edges, "leg_front")), len(piece.edges)
+    if min(shape.turn_after(k - 1), shape.turn_after(k)) < SHARP or shape.bow(k) > STRAIGHT * shape.edges[k].chord:
+        return {}
+    before, after = piece.edges[k - 1], piece.edges[(k + 1) % count]
+    meeting = _meeting(_going_on(before), _going_on(after.reversed)) if count > 4 else None
+    if meeting is None:
+        return {}
+    return {
+        (k - 1) % count: Chain(np.concatenate([before.points, meeting[0]])),
+        (k + 1) % count: Chain(np.concatenate([meeting[1][::-1], after.points])),
+    }
 
 
 def _going_on(edge: Chain) -> Floats:
