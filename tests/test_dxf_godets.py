@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dxf_patterns import Drafted, bezier, line, write
+from dxf_patterns import Drafted, Style, bezier, line, write
 from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
@@ -19,8 +19,11 @@ from warp_cloth.pattern.proposal import SEWN_FROM
 TALL = 25.0  # [cm] of a godet
 
 
-def skirt(godets: int, has_slits: bool = False, marked: bool = True) -> list[Drafted]:
-    """A skirt whose side seams end in edges as long as a godet, if ``marked``; ``has_slits``: one in each half, too."""
+def skirt(godets: int, has_slits: bool = False, marked: bool = True, notched: bool = False) -> list[Drafted]:
+    """A skirt whose side seams end in edges as long as a godet, if ``marked``, or have a notch there, if ``notched``.
+
+    ``has_slits``: a godet in each half, too.
+    """
     pieces = []
     for face, waist in (("FRONT", 18.0), ("BACK", 17.5)):
         mark, top = (24.0, TALL), (waist, 61.0)
@@ -31,7 +34,7 @@ def skirt(godets: int, has_slits: bool = False, marked: bool = True) -> list[Dra
             hem = [line(a, b) for a, b in pairwise(path)]
         side = [line((24.0, 0.0), mark), hip] if marked else [[(24.0, 0.0), *hip]]
         edges = [*hem, *side, line(top, (0.0, 60.0)), line((0.0, 60.0), (0.0, 0.0))]
-        pieces.append(Drafted(f"SKIRT {face}", edges, "1", ((0.0, 60.0), (0.0, 0.0))))
+        pieces.append(Drafted(f"SKIRT {face}", edges, "1", ((0.0, 60.0), (0.0, 0.0)), [mark] if notched else []))
     angles = np.linspace(-0.4, 0.4, 20)
     arc = [(TALL * math.sin(a), TALL - TALL * math.cos(a)) for a in angles]
     wedge = [arc, line(arc[-1], (0.0, TALL)), line((0.0, TALL), arc[0])]
@@ -46,6 +49,14 @@ def test_a_godet_goes_into_each_seam_that_ends_at_the_hem_as_long(has_slits: boo
     assert kinds(draft) == Counter({"side": 2, "godet": 2 * count})
     assert not draft.unsewn
     assert boundary_loops(path, DraftOptions()) == 2  # waist and hem
+
+
+def test_a_notch_tells_where_a_godet_ends(tmp_path: Path) -> None:
+    """Where another number of godets is cut, seams are left to the user as without one."""
+    path = write(tmp_path / "a.dxf", {"M": skirt(2, marked=False, notched=True)}, Style(marks=False))
+    assert kinds(read_drafted(path)) == {"side": 2, "godet": 4}
+    assert boundary_loops(path, DraftOptions()) == 2
+    assert not kinds(read_drafted(write(tmp_path / "b.dxf", {"M": skirt(3, marked=False, notched=True)})))
 
 
 @pytest.mark.parametrize(("godets", "marked"), [(3, True), (2, False)])

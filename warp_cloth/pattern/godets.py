@@ -7,11 +7,39 @@ from dataclasses import replace
 
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint
+from warp_cloth.pattern.parting import marks_along, parted
 from warp_cloth.pattern.runs import DOUBTED, joint_of, parts_of_kind
 from warp_cloth.pattern.specification import Side
 
 EASE = (-0.02, 0.02)
 ALIKE = 0.02  # relative, of an edge that a godet's leg is sewn to
+
+
+def with_marks_of_godets(parts: Sequence[Part]) -> tuple[Part, ...]:
+    """The parts; where a notch is as far up from a hem as a godet is tall, the edge there ends at it."""
+    long = _leg(parts, godets_of(parts)[:1])
+    return tuple(part if part.kind == "godet" else _parted(part, long) for part in parts) if long else tuple(parts)
+
+
+def _parted(part: Part, long: float) -> Part:
+    """A part whose edges up from a hem end at notches at this length [m]."""
+    for edge in range(len(part.edges))[::-1]:  # from the last on: those before keep their numbers
+        if not _is_at_hem(part, edge):
+            continue
+        rises = (edge - 1) % len(part.edges) in part.roles["hem"]
+        place = long if rises else part.edges[edge].length - long
+        if any(abs(mark - place) <= ALIKE * long for mark in marks_along(part, (edge,))):
+            part, _ = parted(part, (edge,), [place])
+    return part
+
+
+def godets_of(parts: Sequence[Part]) -> list[int]:
+    return [panel for panel in parts_of_kind(parts, "godet") if "legs" in parts[panel].roles]
+
+
+def _leg(parts: Sequence[Part], godets: Sequence[int]) -> float:
+    """The length of the legs of godets [m]; 0 of none."""
+    return max((parts[godet].edges[parts[godet].roles["legs"][0]].length for godet in godets), default=0.0)
 
 
 def with_godets(parts: Sequence[Part], joints: Sequence[Joint]) -> list[Joint]:
@@ -21,11 +49,10 @@ def with_godets(parts: Sequence[Part], joints: Sequence[Joint]) -> list[Joint]:
     such places than godets, a person is to say which: these seams are doubted, or, where there is no such place, all
     that end at a hem.
     """
-    godets = [panel for panel in parts_of_kind(parts, "godet") if "legs" in parts[panel].roles]
+    godets = godets_of(parts)
     if not godets:
         return list(joints)
-    first = parts[godets[0]]
-    long = first.edges[first.roles["legs"][0]].length
+    long = _leg(parts, godets[:1])
     ends = {index: low for index, joint in enumerate(joints) if (low := _lower_end(parts, joint)) is not None}
     fits = [
         index

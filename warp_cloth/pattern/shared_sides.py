@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from warp_cloth.pattern.collars import with_collars
 from warp_cloth.pattern.draft import Part, Stated, parts_of
+from warp_cloth.pattern.godets import with_marks_of_godets
 from warp_cloth.pattern.half_bands import with_whole_bands
 from warp_cloth.pattern.kinds import SIDE_PANEL
 from warp_cloth.pattern.layers import with_single_layers
@@ -53,7 +54,7 @@ def _made(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> t
     parts = with_straight_armholes(parts)
     parts, layers = with_single_layers(with_skirt_panels(parts))
     parts, halves = with_whole_bands(parts)
-    parts, collars = with_collars(parts)
+    parts, collars = with_collars(with_marks_of_godets(parts))
     return parts, [*notes, *layers, *halves, *collars]
 
 
