@@ -106,6 +106,22 @@ def dropped_shoulders() -> list[Drafted]:
     return [*pieces, Drafted("SLEEVE", [[a, b] for a, b in zip(path, [*path[1:], path[0]], strict=True)], "2")]
 
 
+def ruffled_skirt() -> list[Drafted]:
+    """A short skirt with a ruffle at its hem, twice as long, of two strips."""
+    side = bezier((26.0, 0.0), (26.0, 15.0), (24.0, 30.0), (17.0, 41.0))
+    edges = [[(0.0, 0.0), (26.0, 0.0)], side, [side[-1], (0.0, 40.0)], [(0.0, 40.0), (0.0, 0.0)]]
+    pieces = [Drafted(name, edges, "1", ((0.0, 40.0), (0.0, 0.0))) for name in ("FALDA DELANTERA", "FALDA TRASERA")]
+    return [*pieces, band("PRETINA", 4.0 * length(edges[2]), 4.0), band("VOLANTE", 104.0, 12.0, "2")]
+
+
+def ruffled_tshirt() -> list[Drafted]:
+    """Ruffles at the hem and at the sleeves, each half as long again as what it is sewn to."""
+    front, back, arm, neckband = tshirt()
+    hem, wrist = 4.0 * length(front.edges[0]), length(arm.edges[0])
+    ruffles = [band("RUFFLE", 1.5 * hem, 10.0), band("SLEEVE RUFFLE", 1.5 * wrist, 6.0, "2")]
+    return [front, back, arm, neckband, *ruffles]
+
+
 EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "waistcoat": waistcoat,
     "square-necked waistcoat": square_necked,
@@ -116,6 +132,8 @@ EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "rolled collar": rolled_collar,
     "half a waistband": half_waistband,
     "dropped shoulders": dropped_shoulders,
+    "ruffled skirt": ruffled_skirt,
+    "ruffled T-shirt": ruffled_tshirt,
 }
 TRUE_EVERYDAY = {
     "waistcoat": {**TOP, "centre back": 1},
@@ -130,4 +148,9 @@ TRUE_EVERYDAY = {
     },
     "half a waistband": TRUE_SEAMS["trousers"],
     "dropped shoulders": {**TOP, "sleeve cap": 2, "underarm": 2},
+    "ruffled skirt": {"side": 2, "waistband": 1, "waistband ends": 1, "hem band": 1, "hem_band ends": 1},
+    "ruffled T-shirt": {
+        **TRUE_SEAMS["tshirt"],
+        **{"hem band": 1, "hem_band ends": 1, "cuff": 2, "cuff ends": 2},
+    },
 }

@@ -32,6 +32,15 @@ def test_where_a_band_of_rib_goes_tells_what_it_is(name: str, kind: str) -> None
     assert named(name).kind == kind
 
 
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("Volant Jupe", "hem_band"), ("NECK FRILL", "collar"), ("Rüsche Ärmel", "cuff"), ("RUFFLE FACING", "none"),
+     ("Ruffle Skirt Front", "skirt_front"), ("ruffled skirt", "skirt")],
+)  # fmt: skip
+def test_where_a_ruffle_goes(name: str, kind: str) -> None:
+    assert named(name).kind == kind
+
+
 def test_a_wrap_skirt_says_where_it_is_left_open(tmp_path: Path) -> None:
     draft = read_drafted(write(tmp_path / "a.dxf", {"M": EVERYDAY["wrap skirt"]()}))
     assert sum(note.startswith("the front is left open at") for note in draft.notes) == 1

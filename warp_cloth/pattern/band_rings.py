@@ -40,7 +40,8 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
         runs = [run_of(leg, parts[leg].roles.get("hem", ()), True) for leg in legs.values()]
         return tuple(each for run in runs for each in run) if len(runs) == 2 else ()
     if kind == "hem_band":
-        return around(parts, ("front",), ("back",), "hem", True)
+        skirts = around(parts, ("skirt_front",), ("skirt_back",), "hem", True)
+        return skirts or around(parts, ("front",), ("back",), "hem", True)
     whole = {
         parts[leg].side: run_of(leg, parts[leg].roles.get("waist", ()), True) for leg in parts_of_kind(parts, "leg")
     }

@@ -35,7 +35,7 @@ from warp_cloth.pattern.part_roles import roles_of, side_of
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import opened
 from warp_cloth.pattern.pocket_openings import without_pocket_openings
-from warp_cloth.pattern.roles import Roles, Shape, concave_count, pants_roles, upright
+from warp_cloth.pattern.roles import Roles, Shape, concave_count, is_strip, pants_roles, upright
 from warp_cloth.pattern.round_skirts import ring_of
 from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
 
@@ -116,6 +116,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
     top = _top_of(kinds, pieces)
     for piece in _unique(pieces, notes):
         said = stated.get(piece.name, Stated())
+        piece = _joined(piece, said, notes)
         part = _part(piece, said, panelled, top)
         place = f'piece "{short(piece.name)}"'
         is_half = _is_lone_half(piece, said, part, pieces)
@@ -219,6 +220,21 @@ def _is_lone_half(piece: Piece, said: Stated, part: Part, pieces: Sequence[Piece
         and said.place in (None, part.kind)
         and (copies is None or sum(copies) == 1)
     )
+
+
+def _joined(piece: Piece, said: Stated, notes: list[str]) -> Piece:
+    """A ruffle for a hem that is cut several times, as the one strip that these are joined to; else the piece."""
+    count = sum(said.copies or piece.copies or (1, 0))
+    shape = Shape(piece.edges, UPWARDS)
+    if count < 2 or not piece.what.is_ruffle or piece.what.kind != "hem_band" or not is_strip(shape, is_named=True):
+        return piece
+    if not all(shape.is_straight(k) for k in shape.order):
+        return piece
+    size = shape.box[1] - shape.box[0]
+    longer = np.diag([float(count), 1.0] if size[0] > size[1] else [1.0, float(count)])
+    notes.append(f'piece "{short(piece.name)}" is a ruffle cut {count} times: sewn as one strip, as long as all')
+    edges = tuple(edge.turned(longer, np.zeros(2)) for edge in piece.edges)
+    return replace(piece, edges=edges, notches=piece.notches[:0], copies=(1, 0))
 
 
 def _copies(piece: Piece, said: Stated, part: Part, is_half: bool, place: str, notes: list[str]) -> tuple[bool, bool]:

@@ -14,6 +14,7 @@ from warp_cloth.pattern.vocabulary import (
     RIB,
     RIBBED,
     RIGHT_WORDS,
+    RUFFLE,
     SIDE_PANEL_WORDS,
     STAND,
     UNDER,
@@ -136,6 +137,7 @@ class Named:
     face: str = ""  # "front" or "back", of a piece of another kind: a yoke's
     sure: float = 0.97  # of the kind
     is_facing: bool = False  # by its shape it faces another piece, and is left out
+    is_ruffle: bool = False
 
 
 def plain(text: str) -> str:
@@ -166,8 +168,11 @@ def _named(name: str) -> Named:
     found = [kind for kind, words in WORDS if re.search(words, text)]
     side = next((side for side, words in SIDES if re.search(words, text)), BOTH)
     kind = found[0] if found else ""
-    if kind != "none" and re.search(RIB, text):
-        kind = next((band for band, words in RIBBED if re.search(words, text)), kind)
+    is_ruffle = bool(re.search(RUFFLE, text)) and {"none", "front", "back"}.isdisjoint(found)
+    if is_ruffle or (kind != "none" and re.search(RIB, text)):
+        kind = next((band for band, words in RIBBED if re.search(words, text)), "hem_band" if is_ruffle else kind)
+    if is_ruffle:
+        return Named(kind, side, is_ruffle=True)
     face = next((each for each in found[1:] if each in ("front", "back")), "")
     if kind in ("leg", "skirt"):
         is_panel = kind == "skirt" and face and re.search(SIDE_PANEL_WORDS, text)

@@ -69,6 +69,8 @@ def band(
         fronts = [each for each in parts if each.kind == "front"]
         tall = max((float(np.ptp(each.shape.box, axis=0)[1]) for each in fronts), default=0.6)
         bottom = float(figure.neck[1]) - tall - width
+        if lower and (spots := _spots(parts, joints, found, {index})):
+            bottom = float(np.concatenate(spots)[:, 1].mean()) - width
     middle = np.stack([figure.at_height(bottom), figure.at_height(bottom + width)])
     across, out = repeated(np.cross(UP, outward), outward, 2)
     if part.kind == FALL:
@@ -155,16 +157,23 @@ def _halves(parts: Sequence[Part], joints: Sequence[Joint], index: int) -> Set[i
     return {index} | (others if kind in ("waistband", "hem_band") else set())
 
 
-def _extent(
-    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Laid | None], bands: Set[int], figure: Figure
-) -> tuple[float, float, float]:
-    """Half the width and depth of what bands are sewn to, and how far ahead its middle is [m]; else of the trunk."""
-    spots = [
+def _spots(
+    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Laid | None], bands: Set[int]
+) -> list[Floats]:
+    """Points along each edge that bands are sewn to, where it starts [m], shape [9, 3]."""
+    return [
         wrap.placed(parts[side.panel].edges[side.edge].at(np.linspace(0.0, 1.0, 9)))
         for index in sorted(bands)
         for side in _mates(joints, index)
         if side.panel not in bands and (wrap := found[side.panel]) is not None
     ]
+
+
+def _extent(
+    parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Laid | None], bands: Set[int], figure: Figure
+) -> tuple[float, float, float]:
+    """Half the width and depth of what bands are sewn to, and how far ahead its middle is [m]; else of the trunk."""
+    spots = _spots(parts, joints, found, bands)
     if not spots:
         return figure.half_width, 0.5 * (figure.front + figure.back), 0.5 * (figure.front - figure.back)
     off = np.concatenate(spots) - figure.middle

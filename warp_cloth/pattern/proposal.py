@@ -19,7 +19,7 @@ from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.godets import with_godets
 from warp_cloth.pattern.gussets import proposed_gussets, slits_of, without_gaps
 from warp_cloth.pattern.joints import Joint, notch_fractions
-from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
+from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, named
 from warp_cloth.pattern.leg_yokes import has_loose_yokes, leg_run, proposed_leg_yokes
 from warp_cloth.pattern.neckline import half_neck, neck_from_front
 from warp_cloth.pattern.runs import (
@@ -48,6 +48,7 @@ BAND_EASE = (-0.4, 0.04)  # a band gathers what it goes round, or stretches
 GATHERED_WAIST_EASE = (-0.02, 1.0)  # of a skirt to a bodice
 # Of skirts as wide at the waist as at the hem, gathered to a third; how sure gathers are
 FULL_BAND_EASE, FULL_WAIST_EASE, FULL_SURE = (-0.68, 0.04), (-0.02, 2.1), 0.9
+RUFFLE_EASE = (-0.02, 2.1)  # of a strip gathered to what it is sewn to
 WAIST_EASE = (-0.05, 0.03)  # of trousers to a bodice, which blouses over them
 RIVAL = 0.05  # of confidence, by which the surest seam of an edge is to be surer than the next
 
@@ -302,6 +303,8 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
         if part.kind == "waistband" and are_unshaped_skirts(parts, ring):
             is_full = length_of(parts, run_of(band, part.roles["long"])) < (1.0 + ease[0]) * length_of(parts, ring)
             ease, sure = (FULL_BAND_EASE, sure * FULL_SURE) if is_full else (ease, sure)
+        if named(part.name).is_ruffle and part.kind != "waistband":
+            ease, sure = RUFFLE_EASE, sure * FULL_SURE
         best = [
             joint
             for role in ("long", "long2")

@@ -106,6 +106,11 @@ RIBBED = (
     ("waistband", r"waist|\bbund\b|taille|cintura|\bvita\b|\bbel\b|\bpas\b|腰"),
     ("hem_band", r"\bhem\b|bottom|\bbtm\b|saum|\bbas\b|ourlet|\bbajo|fondo|\betek\b|\bdol\b|下摆"),
 )
+# A strip gathered to what it is sewn to: to the hem, where no word of RIBBED says otherwise
+RUFFLE = (
+    r"ruffles?\b|\bfrills?\b|flounce|\bvolante?s?\b|r(u|ue)sche|\bbalz[ae]\b|\bfirfir|falbal|\bbabado|falban|волан|оборк"
+    r"|荷叶边|フリル|프릴"
+)
 # What a piece is cut for, and is not: "front without pocket"
 BESIDE = (
     r"\b(with(out)?|no|w o|mit|ohne|avec|sans|con|sin|senza|com|sem) (a )?(pocket|tasche|poche|bolsillo|tasca|bolso)\w*"
