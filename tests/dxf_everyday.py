@@ -122,6 +122,11 @@ def ruffled_tshirt() -> list[Drafted]:
     return [front, back, arm, neckband, *ruffles]
 
 
+def skirt_cut_twice() -> list[Drafted]:
+    """A rectangle for front and back alike, gathered to half, with a ruffle at its hem."""
+    return [band("SKIRT", 76.0, 40.0, "2"), band("WAISTBAND", 76.0, 4.0), band("RUFFLE", 230.0, 12.0)]
+
+
 EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "waistcoat": waistcoat,
     "square-necked waistcoat": square_necked,
@@ -134,6 +139,7 @@ EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "dropped shoulders": dropped_shoulders,
     "ruffled skirt": ruffled_skirt,
     "ruffled T-shirt": ruffled_tshirt,
+    "skirt cut twice": skirt_cut_twice,
 }
 TRUE_EVERYDAY = {
     "waistcoat": {**TOP, "centre back": 1},
@@ -153,4 +159,5 @@ TRUE_EVERYDAY = {
         **TRUE_SEAMS["tshirt"],
         **{"hem band": 1, "hem_band ends": 1, "cuff": 2, "cuff ends": 2},
     },
+    "skirt cut twice": {"gore": 2, "waistband": 1, "waistband ends": 1, "hem band": 1, "hem_band ends": 1},
 }

@@ -39,7 +39,10 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
         }
         runs = [run_of(leg, parts[leg].roles.get("hem", ()), True) for leg in legs.values()]
         return tuple(each for run in runs for each in run) if len(runs) == 2 else ()
+    gores = parts_of_kind(parts, "gore")
     if kind == "hem_band":
+        if gores:
+            return tuple(side for gore in gores[::-1] for side in run_of(gore, parts[gore].roles.get("hem", ()), True))
         skirts = around(parts, ("skirt_front",), ("skirt_back",), "hem", True)
         return skirts or around(parts, ("front",), ("back",), "hem", True)
     whole = {
@@ -47,7 +50,6 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
     }
     if all(whole.get(side) for side in (LEFT, RIGHT)):
         return (*whole[RIGHT], *whole[LEFT])  # from the middle of the back
-    gores = parts_of_kind(parts, "gore")
     if gores:
         return tuple(side for gore in gores for side in run_of(gore, parts[gore].roles.get("waist", ()), True))
     legs_or_skirt = around(parts, ("leg_front", "skirt_front"), ("leg_back", "skirt_back"), "waist", False)
@@ -63,7 +65,9 @@ def are_unshaped_skirts(parts: Sequence[Part], ring: Sequence[Side]) -> bool:
     """Whether the waists of a ring are of skirts that are as wide there as at their hems: cut to be gathered."""
     skirts = [parts[panel] for panel in {side.panel for side in ring}]
     widths = [[skirt.shape.length(skirt.roles.get(role, ())) for role in ("waist", "hem")] for skirt in skirts]
-    return all("skirt" in skirt.kind for skirt in skirts) and all(a > UNSHAPED * b > 0.0 for a, b in widths)
+    return all("skirt" in skirt.kind or skirt.kind == "gore" for skirt in skirts) and all(
+        a > UNSHAPED * b > 0.0 for a, b in widths
+    )
 
 
 def skirt_fronts_cross(parts: Sequence[Part]) -> bool:

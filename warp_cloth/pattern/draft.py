@@ -58,6 +58,7 @@ class _Top:
     has_bodice: bool  # a front or back on the fold has armholes and a neck, as no leg has
     has_half_bodice: bool  # half a front or back has, as a waistcoat's
     lone: frozenset[str]  # of "front" and "back" those that one piece is named, or one for either side
+    has_lone_skirt: bool  # one piece is a skirt's, by its name, and none its front or back
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +185,8 @@ def _top_of(kinds: Set[str], pieces: Sequence[Piece]) -> _Top:
     faces |= {face for face, yoke in YOKE_OF.items() if yoke in kinds and has_top}
     sides = {face: sorted(piece.what.side for piece in pieces if piece.what.kind == face) for face in YOKE_OF}
     lone = frozenset(face for face, own in sides.items() if len(own) == 1 or own == [RIGHT, LEFT])
-    return _Top(has_top or bool(yokes), frozenset(faces), has_bodice, has_half_bodice, lone)
+    skirts = [piece.what.kind for piece in pieces if piece.what.kind.startswith("skirt")]
+    return _Top(has_top or bool(yokes), frozenset(faces), has_bodice, has_half_bodice, lone, skirts == ["skirt"])
 
 
 def _is_at_neck(yoke: Piece) -> bool:
@@ -290,7 +292,7 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
         kind = kind if top.is_one else _worn_on(piece, kind, top)
     elif kind == "leg" and _is_whole_leg(piece):
         pass
-    elif kind == "skirt" and (sum(said.copies or piece.copies or ()) >= FEWEST_GORES or ring_of(piece.edges, False)):
+    elif kind == "skirt" and (_is_cut_all_round(piece, said, top) or ring_of(piece.edges, False)):
         kind = "gore"
     elif kind in ("leg", "skirt", ""):
         kind, sure = "", BY_SHAPE
@@ -317,6 +319,11 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
     elif is_half:
         roles = half_skirt_roles(shape) or roles
     return replace(part, roles=roles, side=side or side_of(kind, shape, roles, mirror is not None))
+
+
+def _is_cut_all_round(piece: Piece, said: Stated, top: _Top) -> bool:
+    """Whether a skirt is of one piece cut several times: for gores, or where there is no other for front and back."""
+    return sum(said.copies or piece.copies or ()) >= (2 if top.has_lone_skirt else FEWEST_GORES)
 
 
 def _worn_on(piece: Piece, face: str, top: _Top) -> str:

@@ -57,7 +57,8 @@ def band(
     # a ring begins behind for a collar, at the right side round a waist, at the left below a hem; see band_rings.py
     is_collar = part.kind in COLLARS
     from_back = is_collar or any(each.kind == "leg" for each in parts)
-    outward = figure.forward if from_back else -figure.left if below_hem else figure.left
+    from_left = below_hem and not any(each.kind == "gore" for each in parts)  # these begin on the right
+    outward = figure.forward if from_back else -figure.left if from_left else figure.left
     halves = _halves(parts, joints, index)
     if len(halves) > 1:  # it lies before or behind
         is_front = any(parts[side.panel].kind.endswith("front") for side in _mates(joints, index))
