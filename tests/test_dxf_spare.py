@@ -61,7 +61,9 @@ def test_one_of_two_layers_of_yokes_and_cuffs_is_sewn(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "kind"),
     [("CUFF FUSE", "none"), ("PLKT", "none"), ("BTM RIB", "hem_band"), ("Shoulder Strap", "strap"),
-     ("Strapless Front", "front")],
+     ("Strapless Front", "front"), ("WAISTBAND ELASTIC", "none"), ("Elastic Waistband", "waistband"),
+     ("Bundgummi", "none"), ("Elastic Guide 1", "none"), ("ELASTIC CASING", ""), ("ceinture élastique", "waistband"),
+     ("élastique taille", "none")],
 )  # fmt: skip
 def test_names_of_what_is_no_outer_cloth_and_what_is(name: str, kind: str) -> None:
     assert named(name).kind == kind

@@ -17,6 +17,7 @@ WORDS = (
         r"|leiste|schlitz|\bzak\b|zakken|voering|\bpoche|parement|doublure|enforme|entoilage|rabat|passant"
         r"|biais|\bpattes?\b|bolsi?l?lo|\bbolso|\bvista\b|forro|entretela|tapeta|trabilla|bragueta|carcela"
         r"|\bvies\b|solapa de bols|tasca|fodera|\bpassante|paramontura|ripiego|\bpatta\b|taschino|sbieco"
+        r"|\w +elastics? *$|elastic (guide|template|tape)|^ *elasti(co|que)s? |gummi(band)?\b"  # no band of such cloth
         r"|\bpatch(es)?\b|draw ?(string|cord)|kordel\b|tunnelzug|cordoncillo|抽绳|补丁"
         r"|kiesze|podszew|obloz|kapsa|podsivk|karman|podklad|\bобтачк|подборт|підборт|кишен|карман|подклад|клапан|шлевк|шлівк|підклад|дублер|\bcep\b"
         r"|cebi|astar|\bpervaz|\blomme|\bficka|tasku|vuori|tuki\b|lisake|kou ?dai|dou ?bu|li ?bu|gua ?mian|袋"
