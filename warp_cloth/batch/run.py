@@ -96,7 +96,7 @@ def run_batch(
         shard: items per task and file, up to a quarter more where they have the same avatar; None: by device and
             number of items, or as in the folder's earlier run.
         sheet: number of thumbnails on contact_sheet.html, the worst items first; needs ``keep="arrays"``.
-        ease: whether the ease at chest, waist and hip is measured, which takes 0.07 s of a core for each item.
+        ease: whether the ease at chest, waist and hip is measured, which takes 0.02 s of a core for each item.
         progress: called with the number of items done.
 
     Raises:

@@ -41,7 +41,7 @@ def batch(
         int, typer.Option(help="Thumbnails on contact_sheet.html, the worst items first; 0: no such page.")
     ] = 0,
     ease: Annotated[
-        bool, typer.Option(help="Measure ease at chest, waist and hip: 0.07 s of a core for each item.")
+        bool, typer.Option(help="Measure ease at chest, waist and hip: 0.02 s of a core for each item.")
     ] = True,
 ) -> None:
     """Fit many scenes. If it is interrupted, the same command continues where it stopped.

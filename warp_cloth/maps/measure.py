@@ -126,7 +126,7 @@ def measured_girths(garments: Sequence[WornGarment], body: MeasuredBody | None) 
 
 
 def add_girths(fit: FitResult, body: MeasuredBody | None = None) -> None:
-    """Measures the girths of a fit, once, into its report: they take a tenth of a second that not every caller has.
+    """Measures the girths of a fit, once, into its report: they take a while that not every caller has.
 
     ``body`` is that of the fit's avatar, where it is known.
     """

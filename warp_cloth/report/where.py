@@ -4,17 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from warp_cloth.anatomy.skeleton import (
-    ANKLE,
-    HEAD,
-    LEFT_ARM,
-    LEFT_LEG,
-    RIGHT_ARM,
-    RIGHT_LEG,
-    TRUNK,
-    WRIST,
-    Skeleton,
-)
+from warp_cloth.anatomy.geodesics import nearest_points
+from warp_cloth.anatomy.openings import ARMS, LEGS
+from warp_cloth.anatomy.skeleton import ANKLE, HEAD, TRUNK, WRIST, Skeleton
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.base.mesh import Points
 
@@ -22,17 +14,14 @@ from warp_cloth.base.mesh import Points
 HEIGHTS = {"neck and shoulders": 0.82, "chest": 0.68, "waist": 0.57, "hip": 0.42, "legs": -np.inf}
 # Where each part of a trunk begins, of the way from the hips to the shoulders; a face is the trunk's in many bodies.
 TRUNK_PARTS = {"head": 1.22, "neck and shoulders": 0.95, "chest": 0.62, "waist": 0.3, "hip": -np.inf}
-ARMS, LEGS = (RIGHT_ARM, LEFT_ARM), (RIGHT_LEG, LEFT_LEG)
 ENDS = {**dict.fromkeys(ARMS, ("hand", "hands", WRIST)), **dict.fromkeys(LEGS, ("foot", "feet", ANKLE))}
 ONE_SIDE = 0.8  # of what lies on arms, hands, legs or feet, from which on it is said of one of them
 
 
 def part_under(points: Points, skeleton: Skeleton) -> str:
     """The part of a person that most of these points are nearest to, with its side; ``points`` [m], shape [N, 3]."""
-    from scipy.spatial import cKDTree
-
     own = np.flatnonzero(skeleton.own)
-    nearest = own[cKDTree(skeleton.skin[own]).query(points)[1]]
+    nearest = own[nearest_points(skeleton.skin[own], points)]
     limbs, stations = skeleton.limb[nearest], skeleton.station[nearest]
     kinds = {"head": limbs == HEAD, "trunk": limbs == TRUNK}
     for one, many, pair in (("arm", "arms", ARMS), ("leg", "legs", LEGS)):
