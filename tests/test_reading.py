@@ -17,6 +17,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.front import CERTAIN, front_of
 from warp_cloth.garment.outfit import Outfit, load_outfit
+from warp_cloth.loading import Placement
 from warp_cloth.scene import load_scene
 from warp_cloth.shapes import SIZE_BODIES, mannequin
 
@@ -62,17 +63,28 @@ def test_the_unit_and_the_up_axis_are_those_in_which_limbs_pass_through(
     )
 
 
-@pytest.mark.parametrize("quarters", [1, 3])
+@pytest.mark.parametrize("degrees", [90.0, 270.0, 34.0, -50.0])
 def test_a_garment_that_is_turned_is_turned_back_with_its_front_before(
-    tmp_path: Path, tshirt: Mesh, quarters: int
+    tmp_path: Path, tshirt: Mesh, degrees: float
 ) -> None:
-    turn = np.linalg.matrix_power(TURN, quarters)
-    outfit = read(tmp_path, tshirt, lambda points: points @ turn.T)
-    assert set(choices(outfit)) == {"rotate", "translate"}
+    """About the axis of its file, as a body may have been scanned."""
+    turn = Placement(rotate=(0.0, degrees, 0.0))
+    outfit = read(tmp_path, tshirt, turn.moved)
+    assert set(choices(outfit)) == {"rotate"}
     (wearing,) = outfit.wearing
     assert wearing is not None
     assert not wearing.start_fault
-    assert outfit.meshes[0].points == pytest.approx(tshirt.points, abs=0.06)  # round the body, not round the origin
+    assert outfit.meshes[0].points == pytest.approx(tshirt.points, abs=0.01)
+
+
+def test_a_garment_is_turned_about_the_body_where_that_stands_apart(tmp_path: Path, tshirt: Mesh) -> None:
+    body, aside = mannequin(SIZE_BODIES["M"]), np.array([0.5, 0.0, 0.3])
+    write_obj(tmp_path / "body.obj", body.points + aside, body.triangles)
+    turned = Placement(rotate=(0.0, 34.0, 0.0)).moved(tshirt.points) + aside
+    path = write_panels(tmp_path / "shirt.obj", turned, tshirt, 1.0)
+    outfit = load_outfit(load_scene(path, on=tmp_path / "body.obj"))
+    assert set(choices(outfit)) == {"rotate", "translate"}
+    assert outfit.meshes[0].points == pytest.approx(tshirt.points + aside, abs=0.05)
 
 
 def test_a_top_with_one_sleeve_is_turned_onto_every_limb(tmp_path: Path, tshirt: Mesh) -> None:
