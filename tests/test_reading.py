@@ -77,6 +77,17 @@ def test_a_garment_that_is_turned_is_turned_back_with_its_front_before(
     assert outfit.meshes[0].points == pytest.approx(tshirt.points, abs=0.01)
 
 
+@pytest.mark.parametrize("faces_away", [False, True])
+def test_a_garment_on_who_faces_away_is_turned_unless_its_front_is_there(
+    tmp_path: Path, tshirt: Mesh, faces_away: bool
+) -> None:
+    body, half = mannequin(SIZE_BODIES["M"]), np.array([-1.0, 1.0, -1.0])
+    write_obj(tmp_path / "body.obj", body.points * half, body.triangles)
+    path = write_panels(tmp_path / "shirt.obj", tshirt.points * (half if faces_away else 1.0), tshirt, 1.0)
+    outfit = load_outfit(load_scene(path, on=tmp_path / "body.obj"))
+    assert choices(outfit) == ({} if faces_away else {"rotate": (0.0, 180.0, 0.0)})
+
+
 def test_a_garment_is_turned_about_the_body_where_that_stands_apart(tmp_path: Path, tshirt: Mesh) -> None:
     body, aside = mannequin(SIZE_BODIES["M"]), np.array([0.5, 0.0, 0.3])
     write_obj(tmp_path / "body.obj", body.points + aside, body.triangles)
