@@ -22,6 +22,7 @@ from warp_cloth.scene import load_scene
 from warp_cloth.shapes import SIZE_BODIES, mannequin
 
 INCH = 0.0254
+TROUSERS = Path(__file__).parents[1] / "scenes" / "trousers.json"
 TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # by 90 degrees about y
 Move = Callable[[np.ndarray], np.ndarray]
 
@@ -75,6 +76,26 @@ def test_a_garment_that_is_turned_is_turned_back_with_its_front_before(
     assert wearing is not None
     assert not wearing.start_fault
     assert outfit.meshes[0].points == pytest.approx(tshirt.points, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "garment", [{"shape": {"kind": "tshirt", "edge_mm": 30}}, {"pattern": str(TROUSERS), "edge_mm": 30}]
+)
+def test_a_drafted_garment_is_brought_to_a_body_that_stands_elsewhere(tmp_path: Path, garment: dict[str, Any]) -> None:
+    """As it is to one that stands where it was drafted."""
+    body = mannequin(SIZE_BODIES["M"])
+
+    def outfit_on(turn: Placement, **stated: Any) -> Outfit:
+        write_obj(tmp_path / "body.obj", turn.moved(body.points), body.triangles)
+        avatar = {"mesh": str(tmp_path / "body.obj")}
+        return load_outfit(load_scene({"garment": {**garment, **stated}, "avatar": avatar}))
+
+    here, turn = outfit_on(Placement()), Placement(rotate=(0.0, 130.0, 0.0), translate=(3.0, 0.7, -2.0))
+    there = outfit_on(turn)
+    assert not here.readings
+    assert set(choices(there)) == {"rotate", "translate"}
+    assert there.meshes[0].points == pytest.approx(turn.moved(here.meshes[0].points), abs=0.03)
+    assert not outfit_on(Placement(rotate=(0.0, 130.0, 0.0)), rotate=[0.0, 0.0, 0.0]).readings
 
 
 @pytest.mark.parametrize("faces_away", [False, True])

@@ -16,6 +16,7 @@ from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.stored_value import stored_value
+from warp_cloth.garment.facing import brought_to_wearer
 from warp_cloth.garment.falling import Catcher
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.making import (
@@ -130,6 +131,9 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     avatar = next((cache.make(recipe) for recipe in avatar_recipe(scene)), None)
     keyed = list(zip(scene.garment_keys, worn, strict=True))
     find_skeleton = partial(_skeleton, scene, avatar, cache)
+    brought = _read_as(*brought_to_wearer(scene, find_skeleton), cache)
+    if brought is not None:
+        return brought
     try:
         check_sizes(keyed, avatar)
     except InputError:

@@ -85,7 +85,7 @@ def read_again(scene: Scene, cloths: Sequence[Cloth]) -> tuple[Scene, list[Choic
     specs, choices = list(scene.garments), []
     for index, (spec, key, cloth) in enumerate(zip(scene.garments, scene.garment_keys, cloths, strict=True)):
         wearing = cloth.wearing
-        if spec.mesh is None or wearing is None or _is_placed(spec):
+        if spec.mesh is None or wearing is None or is_placed(spec):
             continue
         found = None
         if wearing.start_fault:
@@ -175,7 +175,7 @@ def stand_up(
         middle = (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2.0
         if not ((low <= middle) & (middle <= high)).all():
             continue
-        if not _may_have_z_up(worn) or _is_placed(worn):
+        if not _may_have_z_up(worn) or is_placed(worn):
             return scene, []
         specs[index] = worn.model_copy(update={"up": "z"})
         choices.append(Choice(f"{key}.up", "z", f"{reason} in it"))
@@ -187,7 +187,7 @@ def _may_have_z_up(spec: Wearable) -> bool:
     return spec.up is None and spec.mesh is not None and spec.mesh.suffix.lower() in AXIS_UNKNOWN
 
 
-def _is_placed(spec: GarmentSpec) -> bool:
+def is_placed(spec: GarmentSpec) -> bool:
     return any(spec.translate) or any(spec.rotate)
 
 
@@ -246,7 +246,7 @@ def _turned(cloth: Cloth, wearing: Wearing) -> Change | None:
     across = _sideways(wearing)
     if across is None:
         return _turned_a_quarter(cloth, wearing)
-    degrees = _angle_about_y(across, skeleton.left)
+    degrees = angle_about_y(across, skeleton.left)
     degrees -= 180.0 * round(degrees / 180.0)  # left and right look alike
     if abs(degrees) < TURNED:
         return None
@@ -341,6 +341,6 @@ def _about_y(degrees: float) -> Placement:
     return Placement(rotate=(0.0, degrees, 0.0))
 
 
-def _angle_about_y(before: Points, after: Points) -> float:
+def angle_about_y(before: Points, after: Points) -> float:
     """The angle about the y axis from one horizontal direction to another [degrees]."""
     return float(np.degrees(np.arctan2(after[0], after[2]) - np.arctan2(before[0], before[2])))
