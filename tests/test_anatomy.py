@@ -122,6 +122,18 @@ def test_a_hole_in_an_arm_does_not_end_it(tshirt: Outfit, skeleton: Skeleton) ->
     assert joints[0] == pytest.approx(joints[1], abs=0.02)
 
 
+def test_who_has_no_feet_faces_the_way_of_most_files(tshirt: Outfit, skeleton: Skeleton) -> None:
+    """What a cut leaves of a foot may lie behind the leg."""
+    assert tshirt.avatar is not None
+    points, triangles = tshirt.avatar.points.copy(), tshirt.avatar.triangles
+    cut = points[:, 1].min() + 0.12
+    kept = triangles[(points[triangles, 1] > cut).all(axis=1)]
+    points[points[:, 1] < cut + 0.05, 2] -= 0.08
+    found = skeleton_of(Mesh("form", points, kept))
+    assert found is not None
+    assert found.forward @ skeleton.forward > 0.99
+
+
 def test_what_is_no_person_has_no_limbs(tshirt: Outfit) -> None:
     points, triangles = cylinder(0.1, 1.7)
     assert skeleton_of(Mesh("post", points, triangles)) is None
