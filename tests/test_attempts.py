@@ -249,6 +249,23 @@ def test_what_rests_torn_slides_into_place_and_then_rubs_again() -> None:
     assert last.scene == sewn.attempt.scene
 
 
+def test_what_tangles_as_it_slides_slides_no_farther() -> None:
+    """A child's poncho crossed in 123, 182, 287 and 471 places as it slid, and friction took 25 s to make it worse."""
+    sewn, failed, slides = sliding()
+    slides = replace(slides, scene=sewn.attempt.scene)  # which touches
+    assert slides.touches
+    begins = Ended(slides, LIMIT, 12, VERTICES, torn=1)
+    farther = following(sewn, failed, begins)
+    assert farther.slides == 2
+    untangling, growing = (Ended(farther, LIMIT, crossings, VERTICES, torn=1) for crossings in (12, 13))
+    assert following(sewn, failed, begins, untangling).slides == 3
+    anew = following(sewn, failed, begins, growing)
+    assert (anew.begins_after, anew.slides) == (0, len(SLIDES))  # once for long, from where it was torn
+    many = Ended(slides, LIMIT, int(FEW_CROSSINGS * VERTICES) + 1, VERTICES, torn=1)
+    assert following(sewn, failed, many).begins_after == 0
+    assert following(sewn, failed, begins, growing, replace(many, attempt=anew)) is None
+
+
 def test_what_slid_off_a_shoulder_slides_anew_at_once() -> None:
     sewn, failed, slides = sliding()
     rubs = following(sewn, failed, Ended(slides, LIMIT, 0, VERTICES))

@@ -68,7 +68,7 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
         return _after_dressed(history)
     if ended.cut_short is CutShort.SLOW or _may_turn(ended):
         return _turned(history)
-    if attempt.slides:
+    if attempt.slides and not _tangles(history):
         return _slid(history)
     if ended.whole_but_short and _is_too_short(outfit):
         return None
@@ -243,6 +243,17 @@ def _slid(history: Sequence[Ended]) -> Attempt:
     first = history[number if slides == len(SLIDES) else number - slides + 1].attempt
     own = history[first.begins_after or 0].attempt.scene
     return _settling(replace(ended.attempt, scene=own, begins_after=number, patience=Patience.LONG, slides=0))
+
+
+def _tangles(history: Sequence[Ended]) -> bool:
+    """Whether cloth that meets cloth tangles as it slides: it crosses in many places, or in ever more.
+
+    Friction would hold it so. It began apart: a slide goes on from what keeps out of itself.
+    """
+    ended = history[-1]
+    before = history[ended.attempt.begins_after or 0].crossings
+    grows = ended.crossings > before > 0
+    return ended.attempt.touches and ended.torn > 0 and (grows or ended.crossings > FEW_CROSSINGS * ended.vertices)
 
 
 def _last_posed(history: Sequence[Ended]) -> int | None:
