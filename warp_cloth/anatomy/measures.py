@@ -222,10 +222,11 @@ class Figure:
             elif level is None:
                 found[name] = _missing(name, f"no section of the trunk is its {name.replace('_', ' ')}")
             else:
-                found[name] = _taped(name, self._tape_at(level), "")
+                found[name] = _taped(name, self.tape_at(level), "")
         return found
 
-    def _tape_at(self, level: Level) -> Tape:
+    def tape_at(self, level: Level) -> Tape:
+        """The tape round the trunk at one of its levels."""
         plane = Plane(self.frame[1] * level.height, self.frame[[0, 2]], self.frame[1])
         return plane.tape(level.section.ends[level.section.part == level.trunk].reshape(-1, 2))
 

@@ -39,6 +39,11 @@ class Section:
         """Length of a tape around a part [m]."""
         return convex_girth(self.ends[self.part == part].reshape(-1, 2))
 
+    def length_on(self, corners: Floats, chosen: NDArray[np.bool_]) -> float:
+        """Length of chosen segments, shape [S], where triangles have other ``corners`` [m], shape [F, 3, 2]."""
+        ends = np.einsum("sek,skd->sed", self.weights[chosen], corners[self.faces[chosen]])
+        return float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+
 
 def cut(points: Points, triangles: Indices, height: float) -> Section:
     """Section of the mesh at a height [m], in (x, z); a vertex at exactly that height counts as above it."""
@@ -110,6 +115,15 @@ def _cut_faces(level: Floats, triangles: NDArray[np.integer]) -> tuple[NDArray[n
     up = above[corners]
     crossed = up != np.roll(up, -1, axis=1)  # sides (0,1), (1,2), (2,0): two of the three
     return faces, corners, (np.argmax(crossed, axis=1), 2 - np.argmax(crossed[:, ::-1], axis=1))
+
+
+def encloses(ends: Floats, point: Floats) -> bool:
+    """Whether closed lines, shape [S, 2, 2], enclose a point: a ray from it crosses them an odd number of times."""
+    x, z = ends[..., 0] - point[0], ends[..., 1] - point[1]
+    across = (z[:, 0] < 0.0) != (z[:, 1] < 0.0)
+    rise = np.where(across, z[:, 1] - z[:, 0], 1.0)
+    crossing = x[:, 0] - z[:, 0] * (x[:, 1] - x[:, 0]) / rise
+    return bool((across & (crossing > 0.0)).sum() % 2)
 
 
 def convex_hull(points: Points) -> list[tuple[float, ...]]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.levels import Level, trunk_level
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.base.section import Section, Sections
+from warp_cloth.base.section import Section, Sections, encloses
 from warp_cloth.material.constants import Sheet
 
 SECTORS = 72  # of 5 degrees around the trunk
@@ -66,7 +66,7 @@ class _Around:
             if part != level.trunk
         }
         # parts inside the trunk, such as a second skin, are no limbs
-        self.limbs = {part: middle for part, middle in middles.items() if not _encloses(trunk, middle)}
+        self.limbs = {part: middle for part, middle in middles.items() if not encloses(trunk, middle)}
 
 
 def garment_girths(name: str, points: Points, sheet: Sheet | None, trunk: TrunkLevels) -> list[dict[str, Any]]:
@@ -162,11 +162,9 @@ def _closed_girth(cloth: _Cloth, around: _Around, height: float) -> _Girth | Non
 
 def _measured(cloth: _Cloth, section: Section, chosen: NDArray[np.bool_], *, closed: bool) -> _Girth:
     """Length of these segments of a section."""
-    flat = np.einsum("sek,skd->sed", section.weights[chosen], cloth.sheet.flat[section.faces[chosen]])
-    worn, natural = (
-        float(np.linalg.norm(each[:, 1] - each[:, 0], axis=1).sum()) for each in (section.ends[chosen], flat)
-    )
-    return _Girth(worn, natural, closed)
+    ends = section.ends[chosen]
+    worn = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+    return _Girth(worn, section.length_on(cloth.sheet.flat, chosen), closed)
 
 
 def _ring(section: Section, around: _Around) -> int | None:
@@ -174,18 +172,9 @@ def _ring(section: Section, around: _Around) -> int | None:
     rings = []
     for part in set(range(section.part_count)) - section.open_parts:
         ends = section.ends[section.part == part]
-        if _encloses(ends, around.middle) and not any(_encloses(ends, limb) for limb in around.limbs.values()):
+        if encloses(ends, around.middle) and not any(encloses(ends, limb) for limb in around.limbs.values()):
             rings.append((float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()), part))
     return max(rings)[1] if rings else None
-
-
-def _encloses(ends: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
-    """Whether closed lines enclose a point: a ray from it crosses them an odd number of times."""
-    x, z = ends[..., 0] - point[0], ends[..., 1] - point[1]
-    across = (z[:, 0] < 0.0) != (z[:, 1] < 0.0)
-    rise = np.where(across, z[:, 1] - z[:, 0], 1.0)
-    crossing = x[:, 0] - z[:, 0] * (x[:, 1] - x[:, 0]) / rise
-    return bool((across & (crossing > 0.0)).sum() % 2)
 
 
 def _near_the_trunk(ends: NDArray[np.float64], around: _Around) -> NDArray[np.bool_]:

@@ -127,6 +127,11 @@ class Ended:
         return self.ended_placed and (self.torn > 0 or self.slipped)
 
     @property
+    def rests_torn(self) -> bool:
+        """Whether it is at rest, though torn, as what is too narrow is wherever it lies."""
+        return self.status is Status.AT_REST and self.torn > 0
+
+    @property
     def came_off(self) -> bool:
         """Whether it has slid down from the waist whole, and rests there: the limbs may be out of its openings then."""
         return self.sunk and not self.torn and self.rests_apart

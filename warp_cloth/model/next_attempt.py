@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from warp_cloth.anatomy.trunk_girth import trunk_girth
 from warp_cloth.anatomy.trunk_loop import trunk_loop
 from warp_cloth.base.choice import Choice
 from warp_cloth.garment.outfit import Outfit
@@ -54,7 +55,7 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     untangled round the avatar as it is thinned within it. Where the avatar shows through faces, it is padded under
     them. Cloth that does not come to rest is relaxed by the multilevel method without contact, which sews and lets fall
     as a whole; where that leaves few crossings they are then undone, and where it leaves many the attempt with contact
-    goes on. No other way of starting follows a dressed start, nor what is too short for the trunk by its cut.
+    goes on. No other way of starting follows a dressed start, nor what is too short or narrow for the trunk by its cut.
     """
     ended = history[-1]
     attempt, stated = ended.attempt, ended.attempt.stated
@@ -70,7 +71,7 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
         return _turned(history)
     if attempt.slides and not _tangles(history):
         return _slid(history)
-    if ended.whole_but_short and _is_too_short(outfit):
+    if (ended.whole_but_short and _is_too_short(outfit)) or (ended.rests_torn and _is_too_narrow(outfit)):
         return None
     return (
         _usual_attempt(history, outfit)
@@ -88,6 +89,17 @@ def _is_too_short(outfit: Outfit) -> bool:
         if wearing is not None and outfit.avatar is not None:
             loop = trunk_loop(wearing, rest.topology.edges, rest.edge_length, outfit.avatar)
             if loop is not None and loop.is_short:
+                return True
+    return False
+
+
+def _is_too_narrow(outfit: Outfit) -> bool:
+    """Whether a garment's trunk is too narrow for the body by its cut: no start makes it wider."""
+    for garment, wearing in zip(outfit.garments, outfit.wearing, strict=True):
+        sheet = garment.rest.sheet
+        if wearing is not None and outfit.avatar is not None and sheet is not None:
+            girth = trunk_girth(wearing, sheet.flat, outfit.avatar)
+            if girth is not None and girth.is_narrow:
                 return True
     return False
 

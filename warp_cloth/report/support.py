@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.linking import COVERED, LOPSIDED
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, skeleton_or_reason
-from warp_cloth.anatomy.trunk_loop import SHORT, trunk_loop
 from warp_cloth.avatar.openings import Opening
 from warp_cloth.base.connected import connected_components
 from warp_cloth.garment.falling import Catcher
@@ -18,6 +17,7 @@ from warp_cloth.model.attempt import TORN
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
 from warp_cloth.model.result import Status
 from warp_cloth.report.judged import Judged, listed
+from warp_cloth.report.trunk import too_narrow, too_short
 
 BELOW_FEET = 0.15  # fraction of a garment that has come down below the avatar; less is a train, or a long hem
 # Of the avatar's height: a garment that reaches higher is held there, like a gown, or a cloth over a ball.
@@ -49,6 +49,7 @@ def support_problems(judged: Judged) -> Iterator[FitProblem]:
         yield from too_long(judged)
         if (lost is not None and lost.code is ProblemCode.SLID_OFF) or (judged.strains > TORN).any():
             yield from too_short(judged)
+            yield from too_narrow(judged)
     if lost is not None:
         yield lost
     else:
@@ -219,24 +220,6 @@ def too_long(judged: Judged) -> Iterator[FitProblem]:
         judged.name,
         {"openings": len(covered), "limit_mm": 1e3 * COVERED},
         vertices=listed(np.concatenate([opening.loop for opening, _ in covered])),
-    )
-
-
-def too_short(judged: Judged) -> Iterator[FitProblem]:
-    """A trunk too short for its body, so that a garment with legs slid off the shoulders or tore."""
-    wearing, body, rest = judged.of.outfit.wearing[judged.index], judged.of.body, judged.garment.rest
-    loop = None if wearing is None or body is None else trunk_loop(wearing, judged.edge_ends, rest.edge_length, body)
-    if wearing is None or loop is None or not loop.is_short:
-        return
-    pairs = zip(wearing.openings, wearing.limbs, strict=True)
-    yield FitProblem(
-        ProblemCode.TOO_SMALL,
-        f'"{judged.name}" is too small for the body: over a shoulder and between the legs it is '
-        f"{100 * loop.garment:.0f} cm around as cut, and the body {100 * loop.body:.0f} cm.",
-        "Lengthen its trunk, or use a larger size or a smaller body.",
-        judged.name,
-        {"loop_mm": 1e3 * loop.garment, "body_loop_mm": 1e3 * loop.body, "limit": SHORT},
-        vertices=listed(np.concatenate([opening.loop for opening, limbs in pairs if HEAD in limbs])),
     )
 
 
