@@ -381,6 +381,19 @@ def test_cloth_through_cloth_is_a_crossing(tmp_path: Path, cloth: bool, count: i
     problem = judge(*loaded({"garment": garment, "collision": {"cloth": cloth}}))["crossing"]
     assert problem.figures["faces"] == len(problem.faces) > 0
     assert ("collision.cloth" in problem.remedy) == (not cloth)
+    assert problem.figures["faces_in_file"] == problem.figures["faces"]
+
+
+@pytest.mark.parametrize("in_file", [False, True])
+def test_what_crosses_in_the_file_already_is_told_as_its_modellers(tmp_path: Path, in_file: bool) -> None:
+    """Gloves whose fingers were modelled through each other stayed so, and nothing said that the file has it."""
+    points, faces = crossed(8)
+    apart = points + np.repeat([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]], len(points) // 2, axis=0)
+    write_obj(tmp_path / "cross.obj", points if in_file else apart, faces)
+    garment = {"mesh": str(tmp_path / "cross.obj"), "units": "m"}
+    problem = judge(*loaded({"garment": garment, "collision": {"cloth": True}}), points)["crossing"]
+    assert ("in its file already" in problem.message) == ("Mend the mesh" in problem.remedy) == in_file
+    assert (problem.figures["faces_in_file"] > 0) == in_file
 
 
 def contact(p99: float) -> dict[str, Any]:

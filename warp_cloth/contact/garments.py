@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, starmap
 
 import numpy as np
 import warp as wp
@@ -21,6 +21,7 @@ from warp_cloth.base.threads import map_in_threads
 from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.contact.crossing import Sheets, find_crossings, find_pierced, triangle_pairs
 from warp_cloth.contact.sheets import LAYER_LIFT, SheetKind, sheets_of
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.model import ClothModel
 from warp_cloth.scene import Scene
@@ -112,6 +113,22 @@ def worn_crossings(outfits: Sequence[Outfit], worn: Sequence[Points], device: st
         return _of_sheets(find_crossings(points, sheets, device).pairs, sheets)
 
     return [crossings_of(outfit, points) for outfit, points in zip(outfits, worn, strict=True)]
+
+
+def modelled_crossings(outfit: Outfit, device: str) -> tuple[Indices, ...]:
+    """The faces of each garment that pass through its own cloth in its file; none of those that are cut from panels.
+
+    Panels may lie anyhow: they are sewn before they are worn.
+    """
+
+    def faces_of(garment: Garment, mesh: Mesh) -> Indices:
+        if garment.rest.source.kind == "uv":
+            return np.zeros(0, dtype=np.int32)
+        sheets = sheets_of([garment])
+        (faces,) = _of_sheets(find_crossings(mesh.points, sheets, device).pairs, sheets).faces
+        return faces
+
+    return tuple(starmap(faces_of, zip(outfit.garments, outfit.meshes, strict=True)))
 
 
 def model_crossings(model: ClothModel, outfits: Sequence[Outfit]) -> list[GarmentCrossings]:

@@ -8,7 +8,8 @@ from typing import Any
 
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.forks import map_in_forks
-from warp_cloth.base.mesh import Points
+from warp_cloth.base.mesh import Indices, Points
+from warp_cloth.contact.garments import modelled_crossings
 from warp_cloth.fitting.attempts import Course, Run
 from warp_cloth.fitting.film import Dressing, Film, film_of
 from warp_cloth.fitting.problem import tolerance_of
@@ -45,11 +46,12 @@ def finish_fits(
     # here, not in copies: the device may be needed
     strains = {model: measured_strains(model) for model in dict.fromkeys(run.problem.model for run in runs)}
     contacts = [run.problem.contact_report(run.item) for run in runs]
+    modelled = [modelled_crossings(run.outfit, run.problem.model.device) if run.crossings.pairs else () for run in runs]
 
     def told(place: int) -> tuple[tuple[FitProblem, ...], dict[str, Any]]:
         course, run, outfit = courses[place], runs[place], runs[place].outfit
         scene, outcome = run.attempt.scene, run.outcome
-        measured = _measured(run, strains[run.problem.model], contacts[place])
+        measured = _measured(run, strains[run.problem.model], contacts[place], modelled[place])
         problems = find_problems(scene, outfit, outcome, measured, tolerance_of(scene))
         report = build_report(
             run.attempt,
@@ -81,7 +83,7 @@ def finish_fits(
     return results
 
 
-def _measured(run: Run, strains: Strains, contact: dict[str, Any] | None) -> Measurements:
+def _measured(run: Run, strains: Strains, contact: dict[str, Any] | None, modelled: Sequence[Indices]) -> Measurements:
     """What the report says of a scene as it was relaxed."""
     model, item = run.problem.model, run.item
     edge_strains = strains.edge[model.of_item(item, model.edge_start)]
@@ -95,6 +97,7 @@ def _measured(run: Run, strains: Strains, contact: dict[str, Any] | None) -> Mea
         contact=contact,
         misplaced=run.placement.misplaced,
         off_shoulders=run.placement.off_shoulders,
+        modelled=modelled,
         levels=run.levels,
         choices=run.problem.choices(item),
     )

@@ -17,7 +17,7 @@ from warp_cloth.base.device import device_named
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.threads import one_thread_at_a_time
-from warp_cloth.contact.garments import placed, worn_crossings
+from warp_cloth.contact.garments import modelled_crossings, placed, worn_crossings
 from warp_cloth.fitting.fit import loaded_scene
 from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.fitting.placement import LimbPlacement
@@ -108,7 +108,8 @@ def measured_shape(outfit: Outfit, points: Points, device: str, contact: dict[st
     (crossings,) = worn_crossings([outfit], [points], device)
     placement = LimbPlacement.of(outfit, points)
     limbs = placement.misplaced, placement.off_shoulders
-    return Measurements(strain_summary(strains), {}, strains, overlap, crossings, contact, *limbs)
+    modelled = modelled_crossings(outfit, device) if crossings.pairs else ()
+    return Measurements(strain_summary(strains), {}, strains, overlap, crossings, contact, *limbs, modelled)
 
 
 def _points_of(shape: Any, scene: Scene, meshes: Sequence[Mesh]) -> Points:

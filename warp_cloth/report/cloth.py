@@ -140,21 +140,36 @@ def seam_open(judged: Judged, tight: Sequence[TightRing] = ()) -> FitProblem | N
 
 
 def crossing(judged: Judged) -> FitProblem | None:
-    """Faces that pass through others, of this garment or another."""
-    crossings, collision = judged.of.measured.crossings, judged.of.scene.collision
-    faces, count = crossings.faces[judged.index], len(judged.garment.triangles)
+    """Faces that pass through others, of this garment or another, and those that do so in its file already."""
+    measured, collision = judged.of.measured, judged.of.scene.collision
+    faces, count = measured.crossings.faces[judged.index], len(judged.garment.triangles)
     if not len(faces):
         return None
-    remedy = "Let cloth collide: leave collision.cloth out."
+    modelled = measured.modelled[judged.index] if measured.modelled else faces[:0]
+    remedy, told = "Let cloth collide: leave collision.cloth out.", ""
     if collision.cloth is not False:
         remedy = "Place panels so that they do not start inside one another, and list garments from the inside out."
+    if len(modelled):
+        verb = "crosses" if len(modelled) == 1 else "cross"
+        corners = np.unique(judged.garment.triangles[modelled])
+        where = _part_under(judged, judged.of.outfit.meshes[judged.index].points[corners])
+        told = f"; {counted(len(modelled), 'face')} {verb} in its file already{where}"
+        mend = "Mend the mesh where it passes through itself: cloth that starts so may stay locked together."
+        remedy = mend if collision.cloth is not False else f"{mend} {remedy}"
     share = len(faces) / count
     return FitProblem(
         ProblemCode.CROSSING,
         f'{counted(len(faces), "face")} of "{judged.name}" ({100 * share:.2g} %) '
-        f"{'passes' if len(faces) == 1 else 'pass'} through other cloth.",
+        f"{'passes' if len(faces) == 1 else 'pass'} through other cloth{told}.",
         remedy,
         judged.name,
-        {"faces": len(faces), "fraction": share},
+        {"faces": len(faces), "fraction": share, "faces_in_file": len(modelled)},
         faces=listed(faces),
     )
+
+
+def _part_under(judged: Judged, points: Points) -> str:
+    """Where on the body points [m], shape [N, 3], mostly are, as the end of a clause; empty: it has no limbs."""
+    wearing, body = judged.of.outfit.wearing[judged.index], judged.of.body
+    skeleton = None if body is None else skeleton_of(body) if wearing is None else wearing.skeleton
+    return "" if skeleton is None else f", most of them at the {part_under(points, skeleton)}"
