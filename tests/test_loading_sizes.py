@@ -38,6 +38,7 @@ def load(tmp_path: Path, extent: float, role: str = "garment", units: str | None
         ("garment", 455.6, "mm", 0.4556),  # rather a child's shirt than a train in cm
         ("garment", 0.194, "m", 0.194),  # a glove
         ("garment", 19.4, "cm", 0.194),
+        ("garment", 7.0, "in", 0.1778),  # no other unit gives a garment
     ],
 )
 def test_unit_is_guessed_from_the_size_and_said(
@@ -83,7 +84,7 @@ def test_absurd_stated_size_names_the_likely_unit_and_the_key(
     assert caught.value.place.endswith("garment.obj")
 
 
-@pytest.mark.parametrize("extent", [1e-9, 0.001, 7.0, 5e4, 1e30, 1e308])
+@pytest.mark.parametrize("extent", [1e-9, 0.001, 0.07, 5e4, 1e30, 1e308])
 def test_size_of_no_unit_is_refused_with_the_key(tmp_path: Path, extent: float) -> None:
     with pytest.raises(InputError) as caught:
         load(tmp_path, extent)

@@ -64,6 +64,23 @@ def test_the_unit_and_the_up_axis_are_those_in_which_limbs_pass_through(
     )
 
 
+@pytest.mark.parametrize(("scale", "read_as"), [(1.0, {}), (100.0, {}), (1.0 / INCH, {"units": "in"})])
+def test_what_has_no_openings_is_read_in_the_unit_in_which_it_lies_on_the_skin(
+    tmp_path: Path, scale: float, read_as: dict[str, Any]
+) -> None:
+    """A mitten of 10 inches was read in centimetres, and worn by a leg."""
+    body = mannequin(SIZE_BODIES["M"])
+    out = body.points[:, 0]
+    hand = (out > out.max() - 0.2)[body.triangles].all(axis=1)
+    used, corners = np.unique(body.triangles[hand], return_inverse=True)
+    write_obj(tmp_path / "mitten.obj", scale * body.points[used], corners.reshape(-1, 3))
+    garment = {"mesh": str(tmp_path / "mitten.obj")}
+    outfit = load_outfit(load_scene({"garment": garment, "avatar": {"shape": {"kind": "mannequin"}}}))
+    assert outfit.wearing == (None,)
+    assert choices(outfit) == read_as
+    assert np.ptp(outfit.meshes[0].points[:, 0]) == pytest.approx(0.2, abs=0.03)
+
+
 @pytest.mark.parametrize("degrees", [90.0, 270.0, 34.0, -50.0])
 def test_a_garment_that_is_turned_is_turned_back_with_its_front_before(
     tmp_path: Path, tshirt: Mesh, degrees: float

@@ -140,7 +140,7 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
         garments = _garments(scene, worn, keys, cache)
         wearing = _wearing(scene, garments, keys, avatar, cache)
         for read in (
-            partial(read_again, scene, cloths_of(worn, garments, wearing)),
+            partial(read_again, scene, cloths_of(worn, garments, wearing), avatar),
             partial(read_sizes_again, scene, keyed, avatar),
             partial(stand_up, scene, keyed, avatar, find_skeleton),
         ):
@@ -165,7 +165,7 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     still = avatar if not poses and scene.collision.avatar != "none" else None
     wearing = _wearing(scene, garments, keys, still, cache)
     cloths = cloths_of(worn, garments, wearing)
-    otherwise = _read_as(*read_again(scene, cloths), cache)
+    otherwise = _read_as(*read_again(scene, cloths, still), cache)
     return otherwise or Outfit(with_doubts(scene, cloths), garments, avatar, poses, predraped, wearing)
 
 

@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from warp_cloth.anatomy.geodesics import nearest_points
 from warp_cloth.anatomy.linking import SLEEVED, Wearing
 from warp_cloth.anatomy.skeleton import Skeleton
 from warp_cloth.base.choice import Choice
@@ -27,6 +28,7 @@ from warp_cloth.loading import (
     fitting_reading,
     from_z_up,
     is_of_fitting_size,
+    is_usual_size,
     lies,
     was_guessed,
 )
@@ -48,6 +50,9 @@ TURNED = 12.0
 SIDEWAYS = 45.0  # from which on it must start better for it
 SQUARE, QUARTER = 5.0, 90.0  # [degrees]; so near to a quarter turn, it is one
 NEARER = 0.5  # times as far from the limbs, another reading is the right one
+# Of its own extent, that half of a glove, sock or hat is from the skin at most: 0.03 to 0.08, and a cape's 0.14. A
+# mitten and a shirt that were read in centimetres instead of inches were 0.22 and 0.25 off.
+ON_SKIN = 0.1
 HEAD_UP = 0.85  # cosine of 30 degrees, rounded, between a trunk and z, of a body in a file with z up
 BESIDE = 0.1  # [m] from the body's middle, from where on a garment may be beside it
 
@@ -77,20 +82,22 @@ def cloths_of(meshes: Sequence[Mesh], garments: Sequence[Garment], worn: Sequenc
     return [Cloth(*each) for each in zip(meshes, garments, worn, strict=True)]
 
 
-def read_again(scene: Scene, cloths: Sequence[Cloth]) -> tuple[Scene, list[Choice]]:
+def read_again(scene: Scene, cloths: Sequence[Cloth], body: Mesh | None) -> tuple[Scene, list[Choice]]:
     """The scene with one thing read otherwise of garments that start badly, and what that is; else the same scene.
 
-    What a garment's author states stays.
+    What a garment's author states stays. ``body``: that all start on; None: it moves, or they do not meet it.
     """
     specs, choices = list(scene.garments), []
     for index, (spec, key, cloth) in enumerate(zip(scene.garments, scene.garment_keys, cloths, strict=True)):
         wearing = cloth.wearing
-        if spec.mesh is None or wearing is None or is_placed(spec):
+        if spec.mesh is None or is_placed(spec):
             continue
         found = None
-        if wearing.start_fault:
+        if wearing is None:
+            found = None if body is None else _scaled_onto_skin(spec, cloth.mesh, body)
+        elif wearing.start_fault:
             found = _scaled_or_stood_up(spec, cloth.mesh, wearing) or _turned(cloth, wearing) or _moved(wearing)
-        if found is None and "rotate" not in spec.model_fields_set:
+        if found is None and wearing is not None and "rotate" not in spec.model_fields_set:
             found = _turned_about(cloth, wearing)
         if found is not None:
             changes, reason = found
@@ -212,6 +219,33 @@ def _scaled_or_stood_up(spec: GarmentSpec, mesh: Mesh, wearing: Wearing) -> Chan
         return None
     changes, _, otherwise = readings[wrong.index(min(wrong))]
     return changes, f"{otherwise} few limbs would pass through its openings"
+
+
+def _scaled_onto_skin(spec: GarmentSpec, mesh: Mesh, body: Mesh) -> Change | None:
+    """Another unit, in which what has no openings to tell where it belongs lies on the skin, as it does not as read.
+
+    By its distance from the skin in parts of its own size, within it or outside: a mitten in inches, read in
+    centimetres, starts through a leg.
+    """
+    metres = next((length for unit, length in METRES_PER.items() if unit == mesh.unit), None)
+    if spec.units is not None or not was_guessed(mesh) or metres is None:
+        return None
+    scales = {unit: METRES_PER[unit] / metres for unit in OTHER_UNITS}
+    extent = float(np.ptp(mesh.points, axis=0).max())
+    off = {
+        unit: _off_skin(scale * mesh.points, body)
+        for unit, scale in scales.items()
+        if is_usual_size("garment", scale * extent)
+    }
+    if not off or not min(off.values()) <= min(ON_SKIN, NEARER * _off_skin(mesh.points, body)):
+        return None
+    return {"units": min(off, key=lambda unit: off[unit])}, f"in {mesh.unit} it would lie off the body, or through it"
+
+
+def _off_skin(points: Points, body: Mesh) -> float:
+    """How far half of some points [m], shape [N, 3], are from a body's vertices at least, in parts of their extent."""
+    nearest = body.points[nearest_points(body.points, points)]
+    return float(np.median(np.linalg.norm(points - nearest, axis=1)) / np.ptp(points, axis=0).max())
 
 
 def _wrong_share(wearing: Wearing, points: Points) -> float:

@@ -21,8 +21,9 @@ PLAUSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.2, 6.0), "avatar": (
 SMALL: dict[Role, tuple[float, float]] = {"garment": (0.08, 0.2), "avatar": PLAUSIBLE["avatar"]}
 # Largest extent [m] accepted where the unit is stated: dolls and curtains are possible, houses are not.
 POSSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.01, 20.0), "avatar": (0.05, 20.0)}
-# The first of these that gives a usual size is guessed; inches are only suggested.
+# The first of these that gives a usual size is guessed; inches are only suggested, but where no other unit fits.
 GUESSED: tuple[LengthUnit, ...] = ("m", "cm", "mm")
+LAST: tuple[LengthUnit, ...] = ("in",)  # of garments: 6 to 8 are a glove or a hat, no gown of 7 m
 MAYBE_INCHES: dict[Role, tuple[float, float]] = {"garment": (20.0, 40.0), "avatar": (40.0, 80.0)}  # small in cm
 
 # Vertices so many times farther from the middle than all but this fraction belong to no garment or body.
@@ -90,6 +91,8 @@ def choose_unit(
         if role == "garment" and scale == 1.0 and (shown := _unit_of_panels(extent, texture_scale(), role)) is not None:
             return shown
         fitting = [unit for unit in GUESSED if _fits(extent * METRES_PER[unit], SMALL[role])]
+        if role == "garment" and not fitting:
+            fitting = [unit for unit in LAST if is_usual_size(role, extent * METRES_PER[unit])]
     if not fitting:
         low, high = SMALL[role][0], PLAUSIBLE[role][1]
         wanted = f"{_a(role)} of {low:g} to {high:g} m"
@@ -128,6 +131,11 @@ def _unit_name(metres: float) -> str:
 
 def _fits(value: float, bounds: tuple[float, float]) -> bool:
     return bounds[0] <= value <= bounds[1]
+
+
+def is_usual_size(role: Role, extent: float) -> bool:
+    """Whether a mesh is usually so large [m], from the smallest to the largest that are."""
+    return _fits(extent, (SMALL[role][0], PLAUSIBLE[role][1]))
 
 
 def _likely_unit(extent: float, role: Role, *, other_than: str = "") -> LengthUnit | None:
@@ -286,7 +294,7 @@ def fitting_reading(key: str, garment: Mesh, avatar: Mesh) -> dict[str, str]:
     for stand, standing in (("", ""), *lying):
         for _, name, unit, scale_g, scale_a in options:
             ratio, gap = _fit_of(garment, avatar, scale_g, scale_a, stand=stand)
-            sane = _fits(_extent(garment) * scale_g, (SMALL["garment"][0], PLAUSIBLE["garment"][1]))
+            sane = is_usual_size("garment", _extent(garment) * scale_g)
             sane = sane and _fits(_extent(avatar) * scale_a, PLAUSIBLE["avatar"])
             if sane and _fits(ratio, RATIO) and gap <= (0.0 if stand else GAP):
                 return {f"{name}.units": unit, **({f"{standing}.up": "z"} if stand else {})}
