@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cloths import tube
 from meshfiles import obj_text
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.topology import build_topology
 from warp_cloth.loading import load_mesh
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -29,6 +31,36 @@ def grid(count: int = 5) -> tuple[np.ndarray, np.ndarray]:
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
     triangles = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], 2).reshape(-1, 3)
     return np.stack([x.ravel(), y.ravel(), np.zeros(count * count)], 1), triangles
+
+
+@pytest.mark.parametrize("layers", [2, 3])
+def test_layers_that_share_a_whole_ring_are_read_and_their_rims_found(tmp_path: Path, layers: int) -> None:
+    """A tutu, whose three skirts hang from the lower edge of one waistband, was refused."""
+    band, around, rows = tube(0.1, 1.0, 1.05, 12, 2), 12, 4
+    points, faces = [band.points], [band.triangles]
+    for layer in range(layers):
+        skirt = tube(0.1, 0.7, 1.0, around, rows)
+        low = skirt.points[: (rows - 1) * around] * [1.0 + 0.1 * layer, 1.0, 1.0 + 0.1 * layer]
+        first = sum(map(len, points))
+        number = np.concatenate([first + np.arange(len(low)), np.arange(around)])  # its top is the band's lower edge
+        points.append(low)
+        faces.append(number[skirt.triangles])
+    mesh = load(tmp_path, obj_text(np.concatenate(points), np.concatenate(faces)))
+    topology = build_topology(mesh.triangles, mesh.vertex_count)
+    assert edge_use(mesh)[0].max() == 1 + layers
+    assert [len(loop) for loop in topology.boundary_loops] == [around] * (1 + layers)
+
+
+def test_a_fin_is_refused_where_the_sheet_goes_round_its_end(tmp_path: Path) -> None:
+    points, faces = grid()
+    fin, standing = grid()
+    fin = np.concatenate([fin[:, [0, 2, 1]] + [0.0, 0.5, 0.0]])[5:]  # its lowest row is the sheet's middle one
+    number = np.concatenate([10 + np.arange(5), len(points) + np.arange(len(fin))])
+    both = np.concatenate([points, fin]), np.concatenate([faces, number[standing]])
+    assert load(tmp_path, obj_text(*both)).triangle_count == 2 * len(faces)  # across: 3 sheets meet
+    part = number[standing][(number[standing] != 14).all(axis=1)]  # ends within it
+    with pytest.raises(InputError, match="has 3 faces"):
+        load(tmp_path, obj_text(both[0], np.concatenate([faces, part])))
 
 
 def edge_use(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:

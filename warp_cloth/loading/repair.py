@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
+from warp_cloth.loading.layered import layers_meet
 from warp_cloth.loading.polygons import triangulated
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, counted
 from warp_cloth.loading.trims import trims_among
@@ -237,12 +238,15 @@ def _welded(work: _Work, welded: Weld, role: Role) -> _Work:
 
 
 def _has_no_rim(raw: RawMesh, work: _Work) -> bool:
-    """Whether every edge has two faces. Refuses one with three or more: it has no two sides to bend about."""
+    """Whether every edge has two faces. Refuses one with more, but where whole layers meet at it, as at a waist."""
     edges = np.sort(edges_of(work.triangles), axis=1)
     found = unique_rows(edges)
     bad = np.flatnonzero(found.count > 2)
     if not len(bad):
         return bool((found.count == 2).all())
+    bad = bad[~layers_meet(found.number, bad)]
+    if not len(bad):
+        return False
     touching = np.unique(work.faces[np.flatnonzero(found.number == bad[0]) // 3])
     a, b = (raw.vertex_name(int(vertex)) for vertex in edges[found.first[bad[0]]])
     named = ", ".join(raw.face_name(int(face)) for face in touching[:6])
