@@ -13,6 +13,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.loading.layered import layers_meet
 from warp_cloth.loading.polygons import triangulated
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, counted
+from warp_cloth.loading.split_seams import SplitSeams, split_seams
 from warp_cloth.loading.trims import trims_among
 from warp_cloth.loading.unique_rows import edges_of, unique_rows, used_ids
 from warp_cloth.loading.weld import Weld, weld
@@ -91,6 +92,9 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKey) -> Repa
     welded = weld(points, work.triangles, near=role == "garment", panels=panels, copies=role == "garment")
     work = _welded(work, welded, role)
     _refuse_empty(raw, work)
+    if role == "garment" and (split := split_seams(points, work.triangles)) is not None:
+        welded = replace(welded, vertex=split.vertex[welded.vertex])
+        raw, work = _split(raw, work, split)
     closed = role == "garment" and _has_no_rim(raw, work)
     before = work.triangles
     work = _wound(work, points, role)
@@ -235,6 +239,24 @@ def _welded(work: _Work, welded: Weld, role: Role) -> _Work:
     work = replace(work, triangles=welded.vertex[work.triangles], notes=notes)
     work = work.select(~_repeats(work.triangles), "triangle", "collapsed by welding")
     return work.select(_first_of_each(work.triangles), "duplicate triangle")
+
+
+def _split(raw: RawMesh, work: _Work, split: SplitSeams) -> tuple[RawMesh, _Work]:
+    """The work with its seams split, and the mesh with what its corners hold at the new corners."""
+    first = work.corners[split.source]
+    corners = np.take_along_axis(first, split.weights.argmax(axis=2), axis=1)
+    new = np.nonzero(split.weights.max(axis=2) < 1.0)
+
+    def with_new(values: Floats | None) -> Floats | None:
+        if values is None:
+            return None
+        return np.concatenate([values, np.einsum("nc,ncd->nd", split.weights[new], values[first[new[0]]])])
+
+    if raw.texcoords is not None or raw.rest is not None:
+        corners[new] = len(raw.corners) + np.arange(len(new[0]))
+    note = f"{counted(split.joints, 'vertex')} joined with another piece whose rim they lie on, its edges split there"
+    work = _Work(split.triangles, corners, work.faces[split.source], (*work.notes, note))
+    return replace(raw, texcoords=with_new(raw.texcoords), rest=with_new(raw.rest)), work
 
 
 def _has_no_rim(raw: RawMesh, work: _Work) -> bool:
