@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,16 @@ from meshfiles import sheet, write_obj
 
 import warp_cloth
 from warp_cloth import ProblemCode
+from warp_cloth.base.choice import Choice
 from warp_cloth.fitting.fit import fit
+from warp_cloth.fitting.judge import STILL, measured_shape
 from warp_cloth.model.result import Residual, Status
 from warp_cloth.report.notes import notes_of
+from warp_cloth.report.problems import find_problems
 from warp_cloth.scene import load_scene
 from warp_cloth.shapes import sphere
-from warp_cloth.solver.certificate.certifier import Check
+from warp_cloth.solver.certificate.certifier import Check, Tolerance
+from warp_cloth.solver.goal import Outcome
 
 PAGE = Path(warp_cloth.__file__).parent / "report" / "README.md"
 BALL = sphere(radius=0.05, centre=(0.0, 0.0, 0.0), edge=0.01)
@@ -382,6 +387,18 @@ def test_cloth_through_cloth_is_a_crossing(tmp_path: Path, cloth: bool, count: i
     assert problem.figures["faces"] == len(problem.faces) > 0
     assert ("collision.cloth" in problem.remedy) == (not cloth)
     assert problem.figures["faces_in_file"] == problem.figures["faces"]
+
+
+def test_contact_that_the_program_left_out_is_not_asked_of_the_user(tmp_path: Path) -> None:
+    """Gloves that crossed were said to need collision.cloth left out, which their scene had."""
+    write_obj(tmp_path / "cross.obj", *crossed(8))
+    scene, outfit = loaded({"garment": {"mesh": str(tmp_path / "cross.obj"), "units": "m"}})
+    assert scene.collision.cloth is False
+    points = outfit.garments[0].points
+    chosen = replace(measured_shape(outfit, points, "cpu"), choices=(Choice("collision.cloth", False, "none crosses"),))
+    outcome = Outcome(Status.AT_REST, STILL, points, 0, 0.0)
+    problems = find_problems(scene, outfit, outcome, chosen, Tolerance())
+    assert [("collision.cloth" in each.remedy) for each in problems if each.code is ProblemCode.CROSSING] == [False]
 
 
 @pytest.mark.parametrize("in_file", [False, True])

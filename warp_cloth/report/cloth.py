@@ -147,7 +147,8 @@ def crossing(judged: Judged) -> FitProblem | None:
         return None
     modelled = measured.modelled[judged.index] if measured.modelled else faces[:0]
     remedy, told = "Let cloth collide: leave collision.cloth out.", ""
-    if collision.cloth is not False:
+    is_off = collision.cloth is False and all(choice.key != "collision.cloth" for choice in measured.choices)
+    if not is_off:
         remedy = "Place panels so that they do not start inside one another, and list garments from the inside out."
     if len(modelled):
         verb = "crosses" if len(modelled) == 1 else "cross"
@@ -155,7 +156,7 @@ def crossing(judged: Judged) -> FitProblem | None:
         where = _part_under(judged, judged.of.outfit.meshes[judged.index].points[corners])
         told = f"; {counted(len(modelled), 'face')} {verb} in its file already{where}"
         mend = "Mend the mesh where it passes through itself: cloth that starts so may stay locked together."
-        remedy = mend if collision.cloth is not False else f"{mend} {remedy}"
+        remedy = f"{mend} {remedy}" if is_off else mend
     share = len(faces) / count
     return FitProblem(
         ProblemCode.CROSSING,
