@@ -59,8 +59,9 @@ def test_cloth_that_touches_nothing_needs_one_attempt() -> None:
     assert [attempt["cloth_contact"] for attempt in fit.report["attempts"]] == [False]
 
 
-def in_vain(history: Sequence[Ended], _: Outfit) -> Attempt | None:
+def in_vain(history: Sequence[Ended], _: Outfit, *, locked: bool) -> Attempt | None:
     """One more attempt, of a single iteration."""
+    assert not locked  # a square crosses itself nowhere
     attempt = history[0].attempt
     solver = attempt.scene.solver.model_copy(update={"iterations": 1})
     worse = replace(attempt, scene=attempt.scene.model_copy(update={"solver": solver}))

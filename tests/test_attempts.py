@@ -396,6 +396,18 @@ def test_what_is_wrong_round_a_limb_is_sewn_round_the_body_posed_within_it(wrong
     assert following(failed, Ended(posed, REST, 0, VERTICES)) is None
 
 
+def test_what_is_locked_as_it_was_modelled_is_not_sewn_round_a_posed_or_thinned_body() -> None:
+    """Trousers modelled through themselves took 82 s to be sewn round a posed body, and crossed as before."""
+    scene = load_scene("tshirt", SMALL_SHIRT)
+    outfit, sewn = load_outfit(scene), first("tshirt", *SMALL_SHIRT)
+    history = [Ended(sewn, LIMIT, VERTICES, VERTICES, torn=1, cut_short=CutShort.CROSSING)]
+    while (attempt := next_attempt(history, outfit, locked=True)) is not None:
+        assert (attempt.posed, attempt.thins) == (False, False)
+        history.append(Ended(attempt, LIMIT, VERTICES, VERTICES, torn=1, cut_short=CutShort.CROSSING))
+    assert len(history) > 1
+    assert next_attempt(history[:1], outfit).posed
+
+
 def test_a_posed_attempt_that_none_can_follow_goes_on_longer() -> None:
     sewn, levels = skirt()
     failed = Ended(sewn, LIMIT, 0, VERTICES), Ended(levels, REST, 0, VERTICES, torn=5)

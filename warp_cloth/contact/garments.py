@@ -115,20 +115,19 @@ def worn_crossings(outfits: Sequence[Outfit], worn: Sequence[Points], device: st
     return [crossings_of(outfit, points) for outfit, points in zip(outfits, worn, strict=True)]
 
 
-def modelled_crossings(outfit: Outfit, device: str) -> tuple[Indices, ...]:
-    """The faces of each garment that pass through its own cloth in its file; none of those that are cut from panels.
+def modelled_crossings(outfit: Outfit, device: str) -> tuple[GarmentCrossings, ...]:
+    """Where each garment passes through its own cloth in its file; nowhere if it is cut from panels.
 
     Panels may lie anyhow: they are sewn before they are worn.
     """
 
-    def faces_of(garment: Garment, mesh: Mesh) -> Indices:
+    def crossings_of(garment: Garment, mesh: Mesh) -> GarmentCrossings:
         if garment.rest.source.kind == "uv":
-            return np.zeros(0, dtype=np.int32)
+            return GarmentCrossings(0, 0, (np.zeros(0, dtype=np.int32),))
         sheets = sheets_of([garment])
-        (faces,) = _of_sheets(find_crossings(mesh.points, sheets, device).pairs, sheets).faces
-        return faces
+        return _of_sheets(find_crossings(mesh.points, sheets, device).pairs, sheets)
 
-    return tuple(starmap(faces_of, zip(outfit.garments, outfit.meshes, strict=True)))
+    return tuple(starmap(crossings_of, zip(outfit.garments, outfit.meshes, strict=True)))
 
 
 def model_crossings(model: ClothModel, outfits: Sequence[Outfit]) -> list[GarmentCrossings]:

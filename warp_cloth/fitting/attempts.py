@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -15,13 +16,13 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.forks import map_in_forks
 from warp_cloth.base.threads import concatenate
-from warp_cloth.contact.garments import GarmentCrossings, model_crossings, worn_crossings
+from warp_cloth.contact.garments import GarmentCrossings, model_crossings, modelled_crossings, worn_crossings
 from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.fitting.placement import LimbPlacement
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, usual_first_attempt
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.attempt import TORN, Attempt, CutShort, Ended, best_of
-from warp_cloth.model.next_attempt import next_attempt
+from warp_cloth.model.next_attempt import is_locked, next_attempt
 from warp_cloth.model.result import AttemptRun, LevelRun, Status
 from warp_cloth.solver.certificate.certifier import Measurement
 from warp_cloth.solver.certificate.strains import edge_strains
@@ -183,10 +184,18 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
     trial = first if first.attempt.trial and not first.ended.good else None
     runs = [first] if trial is None else []
 
+    @functools.cache
+    def locked() -> bool:
+        """Whether a garment crosses itself too much as it was modelled."""
+        own = zip(modelled_crossings(outfit, device), outfit.meshes, strict=True)
+        return any(is_locked(crossings.pairs, mesh.vertex_count) for crossings, mesh in own)
+
     def following() -> Attempt | None:
         if not runs:
             return usual_first_attempt(first.attempt.stated, outfit, device, cache)
-        return next_attempt([run.ended for run in runs], outfit)
+        ended = [run.ended for run in runs]
+        crossing = any(each.crossings for each in ended) and not all(each.good for each in ended)
+        return next_attempt(ended, outfit, locked=crossing and locked())
 
     while (attempt := following()) is not None:
         worn_by = outfit if attempt.begins_after is None else _worn_after(runs[attempt.begins_after], attempt.paddings)

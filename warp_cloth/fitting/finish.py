@@ -8,8 +8,8 @@ from typing import Any
 
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.forks import map_in_forks
-from warp_cloth.base.mesh import Indices, Points
-from warp_cloth.contact.garments import modelled_crossings
+from warp_cloth.base.mesh import Points
+from warp_cloth.contact.garments import GarmentCrossings, modelled_crossings
 from warp_cloth.fitting.attempts import Course, Run
 from warp_cloth.fitting.film import Dressing, Film, film_of
 from warp_cloth.fitting.problem import tolerance_of
@@ -83,7 +83,9 @@ def finish_fits(
     return results
 
 
-def _measured(run: Run, strains: Strains, contact: dict[str, Any] | None, modelled: Sequence[Indices]) -> Measurements:
+def _measured(
+    run: Run, strains: Strains, contact: dict[str, Any] | None, modelled: Sequence[GarmentCrossings]
+) -> Measurements:
     """What the report says of a scene as it was relaxed."""
     model, item = run.problem.model, run.item
     edge_strains = strains.edge[model.of_item(item, model.edge_start)]

@@ -46,7 +46,7 @@ WHY_SETTLING = "the multilevel method has let it fall as a whole"
 SLIDES = (250, 250, 500, 1_000, 2_000)
 
 
-def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
+def next_attempt(history: Sequence[Ended], outfit: Outfit, *, locked: bool = False) -> Attempt | None:
     """What a scene is fitted with after these attempts; None: all is well, or there is nothing else to try.
 
     Cloth that crosses is relaxed again with contact. Cloth that meets cloth and still falls, or comes no nearer to
@@ -56,6 +56,8 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     them. Cloth that does not come to rest is relaxed by the multilevel method without contact, which sews and lets fall
     as a whole; where that leaves few crossings they are then undone, and where it leaves many the attempt with contact
     goes on. No other way of starting follows a dressed start, nor what is too short or narrow for the trunk by its cut.
+
+    ``locked``: whether cloth crosses itself so much as it was modelled that no posed or thinned avatar parts it.
     """
     ended = history[-1]
     attempt, stated = ended.attempt, ended.attempt.stated
@@ -74,10 +76,10 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     if (ended.whole_but_short and _is_too_short(outfit)) or (ended.rests_torn and _is_too_narrow(outfit)):
         return None
     return (
-        _usual_attempt(history, outfit)
-        or _thinned(history, outfit)
+        _usual_attempt(history, outfit, locked)
+        or _thinned(history, outfit, locked)
         or _last_resort(history, outfit)
-        or _thinned(history, outfit, torn=True)
+        or _thinned(history, outfit, locked, torn=True)
         or _padded_at_last(history)
     )
 
@@ -115,7 +117,12 @@ def _after_dressed(history: Sequence[Ended]) -> Attempt | None:
     return decided_attempt(stated, "accelerated", True, *why, begins_after, last=True)
 
 
-def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
+def is_locked(crossings: int, vertices: int) -> bool:
+    """Whether so many pairs of triangles of a mesh cross that contact could not part them."""
+    return crossings > FEW_CROSSINGS * vertices
+
+
+def _usual_attempt(history: Sequence[Ended], outfit: Outfit, locked: bool) -> Attempt | None:
     """What mostly helps; once the last resort is tried, only what follows a start that was lifted."""
     first = next((n for n, each in enumerate(history) if each.attempt.lifted), 0)
     ended, own = history[-1], history[first:]
@@ -124,11 +131,11 @@ def _usual_attempt(history: Sequence[Ended], outfit: Outfit) -> Attempt | None:
     is_late = first > 0 or any(each.attempt.slides for each in history[levelled:])
     if _may_slide_off(history):
         return _sliding(attempt, len(history) - 1, 1)
-    posed_next = may_be_posed(stated, outfit) and not any(each.attempt.posed for each in history)
+    posed_next = not locked and may_be_posed(stated, outfit) and not any(each.attempt.posed for each in history)
     levels_next = may_have_levels(stated) and not any(each.attempt.has_levels for each in own)
     if posed_next and (ended.torn or ended.misplaced or (ended.cut_short is CutShort.CROSSING and attempt.touches)):
         return posed_attempt(stated, outfit, "cloth was torn or tangled round a limb", last=not levels_next)
-    if attempt.touches and ended.cut_short is CutShort.CROSSING and (thinned := _thinned(history, outfit)):
+    if attempt.touches and ended.cut_short is CutShort.CROSSING and (thinned := _thinned(history, outfit, locked)):
         return thinned
     if posed_next and ended.sunk:
         return posed_attempt(stated, outfit, "it slid down from the waist", last=not levels_next)
@@ -178,7 +185,7 @@ def _may_do_more(stated: Scene) -> bool:
     return stated.solver.iterations is None and stated.solver.method == "auto"
 
 
-def _thinned(history: Sequence[Ended], outfit: Outfit, *, torn: bool = False) -> Attempt | None:
+def _thinned(history: Sequence[Ended], outfit: Outfit, locked: bool, *, torn: bool = False) -> Attempt | None:
     """Once, what is whole and rightly worn but crosses is untangled round the avatar as it is thinned within.
 
     ``torn``: or what was torn as it crossed, once it was dressed.
@@ -188,7 +195,7 @@ def _thinned(history: Sequence[Ended], outfit: Outfit, *, torn: bool = False) ->
     ends = [(n, each) for n, each in placed if not each.torn or (torn and each.attempt.posed)]
     worn = {n: each.crossings for n, each in ends if each.status is not Status.DIVERGED}
     is_over = stated.collision.cloth is False or any(each.attempt.thins for each in history)
-    if is_over or not worn or min(worn.values()) == 0 or not may_be_posed(stated, outfit):
+    if locked or is_over or not worn or min(worn.values()) == 0 or not may_be_posed(stated, outfit):
         return None
     number = min(worn, key=lambda n: (worn[n], -n))
     last = not may_have_levels(stated) or any(each.attempt.has_levels for each in history)
@@ -265,7 +272,7 @@ def _tangles(history: Sequence[Ended]) -> bool:
     ended = history[-1]
     before = history[ended.attempt.begins_after or 0].crossings
     grows = ended.crossings > before > 0
-    return ended.attempt.touches and ended.torn > 0 and (grows or ended.crossings > FEW_CROSSINGS * ended.vertices)
+    return ended.attempt.touches and ended.torn > 0 and (grows or is_locked(ended.crossings, ended.vertices))
 
 
 def _last_posed(history: Sequence[Ended]) -> int | None:

@@ -145,7 +145,7 @@ def crossing(judged: Judged) -> FitProblem | None:
     faces, count = measured.crossings.faces[judged.index], len(judged.garment.triangles)
     if not len(faces):
         return None
-    modelled = measured.modelled[judged.index] if measured.modelled else faces[:0]
+    modelled = measured.modelled[judged.index].faces[0] if measured.modelled else faces[:0]
     remedy, told = "Let cloth collide: leave collision.cloth out.", ""
     is_off = collision.cloth is False and all(choice.key != "collision.cloth" for choice in measured.choices)
     if not is_off:

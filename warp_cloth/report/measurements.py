@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from warp_cloth.anatomy.linking import Misplaced
     from warp_cloth.anatomy.openings import Limbs
     from warp_cloth.avatar.penetration import Overlap
-    from warp_cloth.base.mesh import Indices
     from warp_cloth.contact.garments import GarmentCrossings
 
 
@@ -31,6 +30,6 @@ class Measurements:
     contact: dict[str, Any] | None  # the collider and its error; None: no avatar
     misplaced: Sequence[Sequence[Misplaced]] = ()  # openings of each garment that the wrong limbs pass through
     off_shoulders: Sequence[Limbs] = ()  # arms whose shoulder each garment has slipped off
-    modelled: Sequence[Indices] = ()  # faces of each garment that cross in its file already; asked where any cross now
+    modelled: Sequence[GarmentCrossings] = ()  # of each garment by itself in its file; asked where any cross now
     levels: Sequence[LevelRun] = ()  # relaxations that came before
     choices: Sequence[Choice] = ()  # what the program chose where the scene says "auto"
