@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from warp_cloth.anatomy.geodesics import EdgeGraph, level_lines
 from warp_cloth.anatomy.linking import Wearing, curve_crossings, limbs_through
 from warp_cloth.anatomy.openings import ARMS, LEGS, Opening, limbs_for, openings_of
-from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, RIGHT_LEG, TRUNK, Skeleton, skeleton_of
+from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, TRUNK, Skeleton, skeleton_of
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.outfit import Outfit, load_outfit
@@ -221,6 +221,21 @@ def test_a_halter_is_for_head_arms_and_legs(tshirt: Outfit, strap: bool) -> None
     openings = openings_of(topology, triangles, lengths, len(garment.points))
     found = limbs_for(openings, garment.points, skeleton)
     assert sorted(found) == (sorted([(HEAD,), ARMS, LEGS]) if strap else [LEGS, LEGS])
+
+
+def test_a_pair_of_openings_near_the_middle_is_for_the_legs(skeleton: Skeleton) -> None:
+    """Those of briefs are at the crotch for most of their length, so that their means are near the middle."""
+    angle = 2.0 * np.pi * np.arange(24) / 24
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def placed(across: float, wide: float, up: float) -> Floats:
+        aside = np.outer(across + wide * circle[:, 0], skeleton.left) + up * skeleton.up
+        return np.asarray(skeleton.middle + aside + np.outer(wide * circle[:, 1], skeleton.forward))
+
+    points = np.concatenate([placed(0.0, 0.18, -0.1), placed(0.06, 0.05, -0.3), placed(-0.06, 0.05, -0.3)])
+    loops = np.arange(72, dtype=np.int32).reshape(3, 24)
+    openings = [Opening(loop, girth, np.zeros(72), 0.0) for loop, girth in zip(loops, (1.1, 0.6, 0.6), strict=True)]
+    assert limbs_for(openings, points, skeleton) == [LEGS, (LEFT_LEG,), (RIGHT_LEG,)]
 
 
 def test_sleeves_that_hang_lower_than_the_hem_are_for_arms(tshirt: Outfit) -> None:

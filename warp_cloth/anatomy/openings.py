@@ -147,7 +147,19 @@ def _limbs_of_piece(openings: Sequence[Opening], points: Points, cloth: Points, 
         has_like = any(PAIR * own.girth < other.girth < own.girth / PAIR for other in openings if other is not own)
         return up[number] == up.min() and min(left, right) > ACROSS * (left + right) and not has_like
 
-    in_middle = [n for n in range(len(openings)) if abs(across[n]) <= LATERAL * skeleton.span or is_hem(n)]
+    def side_of(number: int) -> int:
+        """The side of the middle on which all of an opening is; 0: it is on both."""
+        own = sideways[openings[number].loop]
+        return int(own.min() > 0.0) - int(own.max() < 0.0)
+
+    def is_of_pair(number: int) -> bool:
+        """Whether all of an opening is on one side, and all of its like on the other, as those of briefs are."""
+        girth = openings[number].girth
+        mates = (n for n, each in enumerate(openings) if PAIR * girth < each.girth < girth / PAIR)
+        return any(side_of(number) * side_of(n) < 0 for n in mates)
+
+    near = [n for n in range(len(openings)) if abs(across[n]) <= LATERAL * skeleton.span and not is_of_pair(n)]
+    in_middle = [n for n in range(len(openings)) if n in near or is_hem(n)]
     if _is_open_in_front(openings, points, cloth, skeleton, in_middle):
         return [OPEN if n in in_middle else ARMS[int(across[n] > 0.0) :][:1] for n in range(len(openings))]
     found: dict[int, Limbs] = {}

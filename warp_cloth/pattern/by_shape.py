@@ -278,13 +278,13 @@ def is_leg_and_no_bodice(piece: Piece) -> bool:
     leg = Shape(piece.edges, upright(piece.edges, "leg_front"))
     if len(leg.order) < 3:
         return False
-    return _is_leg(_Drawn(leg, leg_roles(leg), False)) and not is_half_bodice(piece)
+    return _is_leg(_Drawn(leg, leg_roles(leg), False)) and not is_bodice(piece)
 
 
-def is_half_bodice(piece: Piece) -> bool:
-    """Whether a half piece has neck, shoulder, armhole and side of a bodice's front or back."""
-    shape = Shape(piece.edges, upright(piece.edges, "front"))
-    return len(shape.order) >= 3 and _is_bodice(_Drawn(shape, bodice_roles(shape, False, arm_side), False))
+def is_bodice(piece: Piece) -> bool:
+    """Whether a piece has neck, shoulder, armhole and side of a bodice's front or back, or of half of one."""
+    shape, whole = Shape(piece.edges, upright(piece.edges, "front")), piece.mirror is not None
+    return len(shape.order) >= 3 and _is_bodice(_Drawn(shape, bodice_roles(shape, whole, arm_side), whole))
 
 
 def _alike(one: float, other: float) -> bool:

@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.pattern.by_shape import are_mirrored, is_half_bodice, is_leg_and_no_bodice, told_by_shape
+from warp_cloth.pattern.briefs import brief_of
+from warp_cloth.pattern.by_shape import are_mirrored, is_leg_and_no_bodice, told_by_shape
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.drawn_darts import turned
 from warp_cloth.pattern.kinds import (
     BOTH,
-    COLLARS,
-    HALF_SLEEVES,
-    LEFT,
     PAIRED,
     PLACES,
-    RIGHT,
     SIDE_PANEL,
     SKIRTS,
     UNDER_SLEEVE,
-    YOKE_OF,
     YOKES,
     named,
     without_side,
 )
 from warp_cloth.pattern.middles import with_middles
-from warp_cloth.pattern.panel_roles import half_skirt_roles, parted_at_underarm, yoke_roles
+from warp_cloth.pattern.panel_roles import half_skirt_roles, parted_at_underarm
 from warp_cloth.pattern.part_roles import roles_of, side_of
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import opened
@@ -38,27 +34,15 @@ from warp_cloth.pattern.pocket_openings import without_pocket_openings
 from warp_cloth.pattern.roles import Roles, Shape, concave_count, is_strip, pants_roles, upright
 from warp_cloth.pattern.round_skirts import ring_of
 from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
+from warp_cloth.pattern.tops import Top, is_at_neck, top_of
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
-TOPS = ("sleeve", *HALF_SLEEVES, *COLLARS, "hood")
 SINGLE = ("front", "back", "collar", "waistband", "hem_band", *YOKES, *SKIRTS)
 MIRROR = np.diag([-1.0, 1.0])
 UPWARDS = np.array([0.0, 1.0])
 ASLANT = 0.05  # across the grain, of the way up of a quarter of a ring
 FEWEST_GORES = 3  # of one piece, all round
 BY_SHAPE = 0.85  # how sure it is of what no name tells
-
-
-@dataclass(frozen=True)
-class _Top:
-    """What a garment's pieces say of it as a top."""
-
-    is_one: bool  # it has pieces that only tops have
-    yoked: frozenset[str]  # of "front" and "back" those that begin below a yoke
-    has_bodice: bool  # a front or back on the fold has armholes and a neck, as no leg has
-    has_half_bodice: bool  # half a front or back has, as a waistcoat's
-    lone: frozenset[str]  # of "front" and "back" those that one piece is named, or one for either side
-    has_lone_skirt: bool  # one piece is a skirt's, by its name, and none its front or back
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +98,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
     panelled = _panelled(pieces, stated)
     places = {piece.name: stated.get(piece.name, Stated()).place for piece in pieces}
     kinds = {PLACES[place][0] if (place := places[piece.name]) else piece.what.kind for piece in pieces}
-    top = _top_of(kinds, pieces)
+    top = top_of(kinds, pieces)
     for piece in _unique(pieces, notes):
         said = stated.get(piece.name, Stated())
         piece = _joined(piece, said, notes)
@@ -151,7 +135,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
 def parts_as_drawn(pieces: Sequence[Piece]) -> tuple[Part, ...]:
     """A part for each piece, none of them left out, mirrored or opened."""
     told, _ = _identified(pieces)
-    top, panelled = _top_of({piece.what.kind for piece in told}, told), _panelled(told, {})
+    top, panelled = top_of({piece.what.kind for piece in told}, told), _panelled(told, {})
     return tuple(_twins([_part(piece, Stated(), panelled, top) for piece in told]))
 
 
@@ -172,27 +156,6 @@ def _with_half_sleeves(pieces: Sequence[Piece]) -> list[Piece]:
         replace(piece, what=replace(piece.what, kind=halves[piece.what.face])) if piece.what.kind == "sleeve" else piece
         for piece in pieces
     ]
-
-
-def _top_of(kinds: Set[str], pieces: Sequence[Piece]) -> _Top:
-    has_top = not kinds.isdisjoint(TOPS)
-    whole = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is not None]
-    has_bodice = any(concave_count(Shape(each.edges, upright(each.edges, "front"))) >= 2 for each in whole)
-    halves = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is None]
-    has_half_bodice = any(is_half_bodice(each) for each in halves)
-    yokes = [piece for piece in pieces if piece.what.kind == "yoke" and _is_at_neck(piece)]
-    faces = {piece.what.face or "back" for piece in yokes}
-    faces |= {face for face, yoke in YOKE_OF.items() if yoke in kinds and has_top}
-    sides = {face: sorted(piece.what.side for piece in pieces if piece.what.kind == face) for face in YOKE_OF}
-    lone = frozenset(face for face, own in sides.items() if len(own) == 1 or own == [RIGHT, LEFT])
-    skirts = [piece.what.kind for piece in pieces if piece.what.kind.startswith("skirt")]
-    return _Top(has_top or bool(yokes), frozenset(faces), has_bodice, has_half_bodice, lone, skirts == ["skirt"])
-
-
-def _is_at_neck(yoke: Piece) -> bool:
-    """Whether a yoke is of a top, with a neck and shoulders, and not of trousers or a skirt."""
-    shape = Shape(yoke.edges, upright(yoke.edges, "yoke"))
-    return len(shape.order) >= 3 and bool(yoke_roles(shape, yoke.mirror is not None))
 
 
 def _unique(pieces: Sequence[Piece], notes: list[str]) -> list[Piece]:
@@ -275,7 +238,7 @@ def _panelled(pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> frozense
     return frozenset(face for face in ("front", "back") if face in faces or f"side_{face}" in places)
 
 
-def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Part:
+def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: Top) -> Part:
     """A piece as a part."""
     kind, side, sure = piece.what.kind, piece.what.side, piece.what.sure
     if said.place is not None:
@@ -286,7 +249,7 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
         kind = f"side_{kind}"
     elif piece.what.panel == UNDER_SLEEVE:
         kind = "under_sleeve"
-    elif kind == "yoke" and piece.what.face == "front" and _is_at_neck(piece):
+    elif kind == "yoke" and piece.what.face == "front" and is_at_neck(piece):
         kind = "front_yoke"
     elif kind in ("front", "back") and kind not in panelled:
         kind = kind if top.is_one else _worn_on(piece, kind, top)
@@ -296,9 +259,12 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
         kind = "gore"
     elif kind in ("leg", "skirt", ""):
         kind, sure = "", BY_SHAPE
+    brief = brief_of(piece.edges, piece.mirror) if top.briefs and kind.endswith(("front", "back")) else None
+    if brief is not None and top.briefs:
+        kind, sure = f"skirt_{kind.rpartition('_')[2]}", sure * (1.0 if said.place else top.briefs)
     copies = said.copies or piece.copies
     is_half = kind in SKIRTS and piece.mirror is None and (copies is None or all(copies))
-    ring = ring_of(piece.edges, is_half) if kind in (*SKIRTS, "gore") else None
+    ring = brief or (ring_of(piece.edges, is_half) if kind in (*SKIRTS, "gore") else None)
     turn = upright(piece.edges, kind)[1] * np.eye(2)  # half a turn keeps the warp along y
     up = UPWARDS
     if ring is not None:
@@ -321,12 +287,12 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: _Top) -> Pa
     return replace(part, roles=roles, side=side or side_of(kind, shape, roles, mirror is not None))
 
 
-def _is_cut_all_round(piece: Piece, said: Stated, top: _Top) -> bool:
+def _is_cut_all_round(piece: Piece, said: Stated, top: Top) -> bool:
     """Whether a skirt is of one piece cut several times: for gores, or where there is no other for front and back."""
     return sum(said.copies or piece.copies or ()) >= (2 if top.has_lone_skirt else FEWEST_GORES)
 
 
-def _worn_on(piece: Piece, face: str, top: _Top) -> str:
+def _worn_on(piece: Piece, face: str, top: Top) -> str:
     """A front or back as a bodice's, a leg's or a skirt's, by what is cut out of it.
 
     Where the other one is of a bodice, this one is, too, though its neck be cut straight, or all its top, as below

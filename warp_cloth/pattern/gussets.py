@@ -1,4 +1,4 @@
-"""Gussets at the underarm: diamonds set into slits of fronts and backs whose sleeves are cut in one with them."""
+"""Gussets: diamonds set into slits at the underarm, where sleeves are cut in one, and strips between crotches."""
 
 from __future__ import annotations
 
@@ -32,6 +32,27 @@ def proposed_gussets(parts: Sequence[Part]) -> Iterable[Joint]:
             yield from found[gusset, side]
             gone.add(gusset)
             filled.add(side)
+
+
+def proposed_crotch_gussets(parts: Sequence[Part], ahead: tuple[Side, ...], behind: tuple[Side, ...]) -> list[Joint]:
+    """The seams of a gusset between the crotches of a front and a back, at two of its sides across from each other.
+
+    Args:
+        parts: of the garment.
+        ahead: the front's crotch, against its loop.
+        behind: the back's, too.
+    """
+    gussets = parts_of_kind(parts, "gusset")
+    own = _sides_of(parts[gussets[0]]) if len(gussets) == 1 else []
+    if len(own) != 4 or not ahead or not behind:
+        return []
+    ways = []
+    for turn in range(4):
+        joints: list[Joint] = []
+        for run, mate in ((own[turn], ahead), (own[(turn + 2) % 4], behind)):
+            joints += joint_of(parts, run_of(gussets[0], run), mate, "gusset", EASE)
+        ways.append(joints)
+    return max(ways, key=_least)
 
 
 def _least(joints: Sequence[Joint]) -> float:

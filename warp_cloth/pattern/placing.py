@@ -24,6 +24,7 @@ from warp_cloth.pattern.wrap import Laid, Wrap, flat_wrap
 MOST_ROLLED = 0.6 * np.pi  # a half of the trunk's cover on either side of its middle
 GAP = 0.005  # [m] between a part and the body's middle
 ABOVE_CROTCH = 0.06  # [m] over which a leg widens to the trunk
+BELOW_CROTCH = 0.03  # [m] from the body's crotch to that of briefs, which is sewn there between the legs
 BESIDE_HEAD = 0.02  # [m]
 REACH = 0.05  # [m] that a part beyond a seam is taken to go on as the one before
 
@@ -134,7 +135,11 @@ def _trunk(part: Part, figure: Figure, is_front: bool, side_panels: float = 0.0,
 
 def _top(part: Part, figure: Figure) -> float:
     """The height at which the top of a front or back starts."""
-    return float(figure.middle[1] if "skirt" in part.kind else figure.neck[1])
+    if "skirt" not in part.kind:
+        return float(figure.neck[1])
+    if "crotch" in part.roles:  # of briefs, which end there
+        return figure.crotch - BELOW_CROTCH + float(np.ptp(part.shape.box, axis=0)[1])
+    return float(figure.middle[1])
 
 
 def _round_trunk(

@@ -17,7 +17,7 @@ from warp_cloth.pattern.bands_in_two import proposed_halves
 from warp_cloth.pattern.collars import proposed_collars
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.godets import with_godets
-from warp_cloth.pattern.gussets import proposed_gussets, slits_of, without_gaps
+from warp_cloth.pattern.gussets import proposed_crotch_gussets, proposed_gussets, slits_of, without_gaps
 from warp_cloth.pattern.joints import Joint, notch_fractions
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, named
 from warp_cloth.pattern.leg_yokes import has_loose_yokes, leg_run, proposed_leg_yokes
@@ -227,6 +227,10 @@ def _skirts(parts: Sequence[Part]) -> Iterable[Joint]:
                 if all(parts[face[0]].side in (BOTH, side) for face in (front, back)):
                     one, other = face_run(parts, front, "side", side), face_run(parts, back, "side", side, True)
                     yield from joint_of(parts, one, other, "side")
+    ahead, behind = (_half_ring(parts, f"skirt_{face}", "crotch") for face in ("front", "back"))  # of briefs
+    has_gusset = bool(parts_of_kind(parts, "gusset"))
+    yield from joint_of(parts, ahead[::-1], behind, "crotch", LEG_EASE, DOUBTED if has_gusset else 1.0)
+    yield from proposed_crotch_gussets(parts, ahead, behind)
     yield from _between_panels(parts, (*fronts, *backs))
     closed = FRONT_CENTRE if skirt_fronts_cross(parts) else SKIRT_FRONT_CENTRE
     yield from _centres(parts, [face[0] for face in fronts], closed, "centre front")

@@ -1,0 +1,58 @@
+"""What a garment's pieces say of it as a whole: whether it is a top, begins below yokes, or ends between the legs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Set
+from dataclasses import dataclass
+
+from warp_cloth.pattern.briefs import briefs_sure
+from warp_cloth.pattern.by_shape import is_bodice
+from warp_cloth.pattern.kinds import COLLARS, HALF_SLEEVES, LEFT, RIGHT, YOKE_OF
+from warp_cloth.pattern.panel_roles import yoke_roles
+from warp_cloth.pattern.piece import Piece
+from warp_cloth.pattern.roles import Shape, concave_count, upright
+
+TOPS = ("sleeve", *HALF_SLEEVES, *COLLARS, "hood")
+
+
+@dataclass(frozen=True)
+class Top:
+    """What a garment's pieces say of it as a top."""
+
+    is_one: bool  # it has pieces that only tops have
+    yoked: frozenset[str]  # of "front" and "back" those that begin below a yoke
+    has_bodice: bool  # a front or back on the fold has armholes and a neck, as no leg has
+    has_half_bodice: bool  # half a front or back has, as a waistcoat's
+    lone: frozenset[str]  # of "front" and "back" those that one piece is named, or one for either side
+    briefs: float | None  # how sure its fronts and backs are of briefs; None: not at all
+    has_lone_skirt: bool  # one piece is a skirt's, by its name, and none its front or back
+
+
+def top_of(kinds: Set[str], pieces: Sequence[Piece]) -> Top:
+    has_top = not kinds.isdisjoint(TOPS)
+    whole = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is not None]
+    has_bodice = any(concave_count(Shape(each.edges, upright(each.edges, "front"))) >= 2 for each in whole)
+    halves = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is None]
+    has_half_bodice = any(is_bodice(each) for each in halves)
+    yokes = [piece for piece in pieces if piece.what.kind == "yoke" and is_at_neck(piece)]
+    faces = {piece.what.face or "back" for piece in yokes}
+    faces |= {face for face, yoke in YOKE_OF.items() if yoke in kinds and has_top}
+    sides = {face: sorted(piece.what.side for piece in pieces if piece.what.kind == face) for face in YOKE_OF}
+    lone = frozenset(face for face, own in sides.items() if len(own) == 1 or own == [RIGHT, LEFT])
+    skirts = [piece.what.kind for piece in pieces if piece.what.kind.startswith("skirt")]
+    is_one = has_top or bool(yokes)
+    briefs = None if is_one or "strap" in kinds else _briefs_sure(pieces)
+    has_bodice, has_half_bodice = has_bodice and briefs is None, has_half_bodice and briefs is None
+    return Top(is_one, frozenset(faces), has_bodice, has_half_bodice, lone, briefs, skirts == ["skirt"])
+
+
+def _briefs_sure(pieces: Sequence[Piece]) -> float | None:
+    """How sure fronts and backs are of briefs, as they are not where one of them has a neck and shoulders."""
+    faces = [[each for each in pieces if each.what.kind.endswith(f) and not each.what.panel] for f in ("front", "back")]
+    return None if any(is_bodice(each) for face in faces for each in face) else briefs_sure(*faces)
+
+
+def is_at_neck(yoke: Piece) -> bool:
+    """Whether a yoke is of a top, with a neck and shoulders, and not of trousers or a skirt."""
+    shape = Shape(yoke.edges, upright(yoke.edges, "yoke"))
+    return len(shape.order) >= 3 and bool(yoke_roles(shape, yoke.mirror is not None))
