@@ -11,6 +11,9 @@ from warp_cloth.pattern.loops import turns_of
 
 CORNER = np.radians(35.0)  # turn that makes a corner where turn points do not state them
 MARKED_CORNER = np.radians(60.0)  # and where the file calls the point one of a curve
+SLIGHT, STANDS_OUT = np.radians(8.0), 3.0  # turn of a slighter one, and over the turns beside it in a curve
+LONG, BENT = 0.05, np.radians(1.0)  # [m] of the sides of one that is still slighter, and its turn
+RULED = 2.0  # a side so many times as long as one beside it is straight
 NEAR = 1.5e-3  # [m] from a mark to the outline that it belongs to
 NOTCH_REACH = 0.03  # [m]: notches are on the cut line, and outlines may be sew lines
 CUT_NOTCH = 0.012  # [m] from the middle of a notch to its corners
@@ -59,6 +62,8 @@ def corners_of(loop: Floats, marks: Marks, ends: Floats) -> list[int]:
     if stated.sum() > max(12, 0.5 * len(loop)) and not curved.any():
         stated[:] = False  # all points are marked alike
     corner = stated | (turn > np.where(curved, MARKED_CORNER, CORNER))
+    if not stated.any() and not curved.any():
+        corner |= _slight_corners(loop, turn)
     found = np.flatnonzero(corner).tolist()
     if len(found) < 2:  # a disc, or a drop: parted where it turns most, and opposite
         first = found[0] if found else int(turn.argmax())
@@ -66,6 +71,25 @@ def corners_of(loop: Floats, marks: Marks, ends: Floats) -> list[int]:
         half = int(np.abs(reach - 0.5 * reach[-1]).argmin())
         found = sorted({first, (first + max(1, half)) % len(loop)})
     return found
+
+
+def _slight_corners(loop: Floats, turn: Floats) -> NDArray[np.bool_]:
+    """Points of a loop that turn less than a corner, and yet by far more than the curve that they would be of.
+
+    Args:
+        loop: shape [n, 2].
+        turn: by how much it turns at each point [rad], shape [n].
+    """
+    ahead = np.hypot(*(np.roll(loop, -1, axis=0) - loop).T)  # the side from each point on
+    behind = np.roll(ahead, 1)
+    is_ruled = ahead > RULED * np.minimum(behind, np.roll(ahead, -1))
+    bends = np.where(turn > CORNER, 0.0, turn)  # a curve ends at a corner
+    after, before = np.where(is_ruled, 0.0, np.roll(bends, -1)), np.where(np.roll(is_ruled, 1), 0.0, np.roll(bends, 1))
+    stands_out = turn > STANDS_OUT * np.maximum(after, before)
+    is_long = np.minimum(ahead, behind) > LONG
+    # of two sides alone between corners, as long as each other, a curve may have been drawn
+    told = is_ruled | np.roll(is_ruled, 1) | (after > 0.0) | (before > 0.0) | is_long
+    return np.asarray(stands_out & ((told & (turn > SLIGHT)) | (is_long & (turn > BENT))))
 
 
 def notches_of(loop: Floats, marks: Marks) -> Floats:
