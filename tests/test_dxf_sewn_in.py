@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from dxf_patterns import bezier, line, write
+from dxf_patterns import Drafted, bezier, leggings, line, trousers, write
 from dxf_sewn_in import SEWN_IN, TRUE_SEWN_IN, banded_skirt, hood_of_three, kimono, romper
 from test_dxf import boundary_loops, kinds
 
@@ -39,6 +40,16 @@ def test_a_slit_is_no_dart_where_a_gusset_may_belong_into_it(tmp_path: Path) -> 
     other = replace(gusset, edges=[[(1.5 * x, 1.5 * y) for x, y in edge] for edge in gusset.edges])
     assert not {"dart", "gusset"} & {*kinds(read_drafted(write(tmp_path / "a.dxf", {"M": [front, back, other]})))}
     assert kinds(read_drafted(write(tmp_path / "b.dxf", {"M": [front, back]})))["dart"] == 4
+
+
+@pytest.mark.parametrize("made", [leggings, trousers])
+def test_legs_are_not_closed_where_a_gusset_belongs(made: Callable[[], list[Drafted]], tmp_path: Path) -> None:
+    gusset = Drafted(
+        "GUSSET", [line((0, 7), (-4, 0)), line((-4, 0), (0, -7)), line((0, -7), (4, 0)), line((4, 0), (0, 7))]
+    )
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": [*made(), gusset]}))
+    assert not {"inseam", "front crotch", "back crotch"} & {*kinds(draft)}
+    assert {"inseam", "front crotch", "back crotch"} <= {joint.reason.split(",")[0] for joint in draft.unsewn}
 
 
 def test_halves_of_a_hood_are_not_sewn_to_each_other_where_a_strip_is(tmp_path: Path) -> None:

@@ -166,25 +166,28 @@ def _centres(
 def _legs(parts: Sequence[Part]) -> Iterable[Joint]:
     fronts, backs = parts_of_kind(parts, "leg_front"), parts_of_kind(parts, "leg_back")
     outseam = DOUBTED if has_loose_yokes(parts) else 1.0
+    is_between = bool(parts_of_kind(parts, "gusset")) and not parts_of_kind(parts, "front", "back")
+    fork = DOUBTED if is_between else 1.0  # a gusset belongs into some of these seams, unless it is at an underarm
     yield from proposed_leg_yokes(parts)
     for front in fronts:
         for back in backs:
             if BOTH not in (parts[front].side, parts[back].side) and parts[front].side == parts[back].side:
                 for role in ("outseam", "inseam"):
                     runs = leg_run(parts, front, role), leg_run(parts, back, role)[::-1]
-                    yield from joint_of(parts, *runs, role, LEG_EASE, outseam if role == "outseam" else 1.0)
-    yield from _centres(parts, fronts, 1.0, "front crotch", "crotch")
-    yield from _centres(parts, backs, 1.0, "back crotch", "crotch")
+                    yield from joint_of(parts, *runs, role, LEG_EASE, outseam if role == "outseam" else fork)
+    yield from _centres(parts, fronts, fork, "front crotch", "crotch")
+    yield from _centres(parts, backs, fork, "back crotch", "crotch")
     for leg in parts_of_kind(parts, "leg"):
         part, twin = parts[leg], parts[leg].twin
         seams = part.roles.get("inseam+", ()), part.roles.get("inseam-", ())
-        yield from joint_of(parts, run_of(leg, seams[0]), run_of(leg, seams[1], True), "inseam", (-0.05, 0.05))
+        yield from joint_of(parts, run_of(leg, seams[0]), run_of(leg, seams[1], True), "inseam", (-0.05, 0.05), fork)
         if twin is None or twin < leg:
             continue
         for mark, against in ("+-", "-+"):
             face = "back" if (mark == "+") == (part.side == LEFT) else "front"
             one, other = part.roles.get(f"crotch{mark}", ()), parts[twin].roles.get(f"crotch{against}", ())
-            yield from joint_of(parts, run_of(leg, one), run_of(twin, other, True), f"{face} crotch")
+            crotch = run_of(leg, one), run_of(twin, other, True)
+            yield from joint_of(parts, *crotch, f"{face} crotch", sure=fork)
 
 
 def _hoods(parts: Sequence[Part]) -> Iterable[Joint]:
