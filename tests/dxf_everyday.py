@@ -127,6 +127,24 @@ def skirt_cut_twice() -> list[Drafted]:
     return [band("SKIRT", 76.0, 40.0, "2"), band("WAISTBAND", 76.0, 4.0), band("RUFFLE", 230.0, 12.0)]
 
 
+def robe(is_crossed: bool = True) -> list[Drafted]:
+    """A kimono's fronts, or a cardigan's, and a band as long as both of their edges and the neck behind."""
+    pieces = []
+    for name, depth in (("FRONT BODY", 0.0), ("BACK BODY", 2.0)):
+        side, under, tip, high = (32.0, 0.0), (30.0, 82.0), (30.0, 108.0), (8.0, 110.0)
+        low = (0.0, 110.0 - depth) if depth else (0.0, 60.0)
+        neck = bezier(high, (7.0, 108.5), (4.0, low[1]), low)
+        if not depth and is_crossed:
+            neck = [high, low]
+        edges = [[(0.0, 0.0), side], [side, under], [under, tip], [tip, high], neck, [low, (0.0, 0.0)]]
+        pieces.append(Drafted(name, edges, "1" if depth else "2", (low, (0.0, 0.0)) if depth else None))
+    path = [(-26.0, 0.0), (26.0, 0.0), (26.0, 28.0), (-26.0, 28.0)]
+    sleeve_edges = [[a, b] for a, b in zip(path, [*path[1:], path[0]], strict=True)]
+    front, back = pieces
+    around = 2.0 * (length(front.edges[4]) + length(front.edges[5]) + length(back.edges[4]))
+    return [front, back, Drafted("SLEEVE", sleeve_edges, "2"), band("COLLAR BAND", around, 10.0)]
+
+
 EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "waistcoat": waistcoat,
     "square-necked waistcoat": square_necked,
@@ -140,6 +158,8 @@ EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "ruffled skirt": ruffled_skirt,
     "ruffled T-shirt": ruffled_tshirt,
     "skirt cut twice": skirt_cut_twice,
+    "robe": robe,
+    "cardigan": lambda: robe(False),
 }
 TRUE_EVERYDAY = {
     "waistcoat": {**TOP, "centre back": 1},
@@ -159,5 +179,7 @@ TRUE_EVERYDAY = {
         **TRUE_SEAMS["tshirt"],
         **{"hem band": 1, "hem_band ends": 1, "cuff": 2, "cuff ends": 2},
     },
+    "robe": {**TOP, "sleeve cap": 2, "underarm": 2, "collar": 1},
+    "cardigan": {**TOP, "sleeve cap": 2, "underarm": 2, "collar": 1},
     "skirt cut twice": {"gore": 2, "waistband": 1, "waistband ends": 1, "hem band": 1, "hem_band ends": 1},
 }

@@ -17,7 +17,7 @@ from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, COLLARS, LEFT, RIGHT, is_named_stand
 from warp_cloth.pattern.layers import without_parts
-from warp_cloth.pattern.neckline import neck_from_front, opens_in_front
+from warp_cloth.pattern.neckline import neck_from_front, opens_in_front, with_neck_to_hem
 from warp_cloth.pattern.parting import marks_along, parted
 from warp_cloth.pattern.roles import Shape
 from warp_cloth.pattern.runs import joint_of, length_of, parts_of_kind, run_of
@@ -52,6 +52,8 @@ def with_collars(parts: Sequence[Part]) -> tuple[tuple[Part, ...], list[str]]:
     """
     parts, notes = _single_layers(tuple(parts))
     collars = parts_of_kind(parts, *COLLARS)
+    if len(collars) == 1:
+        parts = with_neck_to_hem(parts, [parts[collars[0]].shape.length(run) for run in _runs(parts[collars[0]])])
     neck = neck_from_front(parts)
     if not collars or len(collars) > 2 or not neck:
         return parts, notes

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT, YOKE_OF
 from warp_cloth.pattern.runs import parts_of_kind, run_of, side_mark
 from warp_cloth.pattern.sleeves import half_sleeves, is_raglan, sleeve_side
 from warp_cloth.pattern.specification import Side
+
+AS_LONG = 0.03  # relative: to which a band is as long as a neckline and both edges of a front
 
 
 def half_neck(parts: Sequence[Part], side: int) -> tuple[Side, ...]:
@@ -58,3 +61,25 @@ def opens_in_front(parts: Sequence[Part]) -> bool:
     """Whether the front is of a left and a right half, which a shirt or jacket leaves open."""
     sides = {parts[panel].side for panel in parts_of_kind(parts, "front")}
     return sides == {LEFT, RIGHT}
+
+
+def with_neck_to_hem(parts: Sequence[Part], bands: Sequence[float]) -> tuple[Part, ...]:
+    """The parts, necklines of an open front led on along its edges to the hem, if a band is as long as all that.
+
+    A robe's band is sewn round its neck and down both fronts; ``bands``: lengths of the one collar's long edges [m].
+    """
+    if not opens_in_front(parts):
+        return tuple(parts)
+    made = tuple(_with_centre_in_neck(part) if part.kind == "front" else part for part in parts)
+    led_on, plain = (
+        sum(each[side.panel].edges[side.edge].length for side in neck_from_front(each)) for each in (made, parts)
+    )
+    is_led_on = any(abs(band / led_on - 1.0) <= AS_LONG for band in bands) if led_on > plain else False
+    return made if is_led_on else tuple(parts)
+
+
+def _with_centre_in_neck(part: Part) -> Part:
+    """Half a front whose role "neck" goes on along its centre."""
+    neck, centre = part.roles.get("neck", ()), part.roles.get("centre", ())
+    follows = bool(neck and centre) and (centre[-1] + 1) % len(part.edges) == neck[0]
+    return replace(part, roles={**part.roles, "neck": (*centre, *neck) if follows else (*neck, *centre), "centre": ()})
