@@ -45,7 +45,15 @@ def doubled_corners(panel: dict[str, Any]) -> None:
         edge["endpoints"] = [2 * number, 2 * number + 1]
 
 
+def named_axes(panel: dict[str, Any]) -> None:
+    """Points as a writer of JavaScript has them."""
+    panel["vertices"] = [{"x": x, "y": y} for x, y in panel["vertices"]]
+    for key in ("translation", "rotation"):
+        panel[key] = dict(zip("XYZ", panel[key], strict=True))
+
+
 VARIANTS: dict[str, Change] = {
+    "points with named axes": each_panel(named_axes),
     "panel_order and labels": lambda tree: tree["pattern"].update(panel_order=["front", "back"], new=None),
     "no wrapper": lambda tree: tree | tree.pop("pattern"),
     "a list of panels": lambda tree: tree["pattern"].update(

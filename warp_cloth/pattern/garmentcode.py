@@ -271,6 +271,7 @@ class _Reader:
         if wanted is None:
             problem = f"curvature of type {short(repr(kind))} is unknown"
             self.refuse(place, problem, 'use "circle", "quadratic" or "cubic"')
+        params = [_as_list(point) for point in params] if isinstance(params, list) else params
         if isinstance(params, list) and len(params) == 2 * wanted and not any(isinstance(p, list) for p in params):
             params = [params[:2], params[2:]][:wanted]  # all numbers in one list
         controls = self._points(params, f"{place}: curvature", 2)
@@ -299,6 +300,7 @@ class _Reader:
 
     def _corners(self, value: Any, place: str) -> Floats:
         """Vertices of a panel; a third coordinate must be 0."""
+        value = [_as_list(point) for point in value] if isinstance(value, list) else value
         if isinstance(value, list) and value and all(isinstance(point, list) and len(point) == 3 for point in value):
             points = self._points(value, place, 3)
             if np.abs(points[:, 2]).max() > 1e-6 * max(1.0, float(np.abs(points).max())):
@@ -312,6 +314,7 @@ class _Reader:
         return np.array([self._numbers(point, place, width) for point in value])
 
     def _numbers(self, value: Any, place: str, count: int) -> Floats:
+        value = _as_list(value)
         if not isinstance(value, list) or len(value) != count:
             self.refuse(place, f"{short(repr(value))} is not a list of {count} numbers")
         return np.array([self._number(entry, place) for entry in value])
@@ -327,6 +330,15 @@ class _Reader:
         if not math.isfinite(value) or abs(value) > 1e12:
             self.refuse(place, f"{value:g} is not a usable number")
         return float(value)
+
+
+def _as_list(point: Any) -> Any:
+    """The coordinates of a point that states them by name, ``{"x": 1, "y": 2}``; what else it is, as it is."""
+    if not isinstance(point, Mapping):
+        return point
+    named = {key.lower(): value for key, value in point.items() if isinstance(key, str)}
+    axes = next((axes for axes in ("xy", "xyz") if {*named} == {*axes}), "")
+    return [named[axis] for axis in axes] if axes and len(named) == len(point) else point
 
 
 def _hole(edges: Sequence[Edge]) -> tuple[Edge, ...]:
