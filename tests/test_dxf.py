@@ -290,6 +290,14 @@ def test_files_that_hold_no_pattern(tmp_path: Path, content: bytes, message: str
         read_drafted(tmp_path / "bad.dxf")
 
 
+@pytest.mark.parametrize("share", [0.2, 0.6, 0.9])
+def test_a_file_that_is_cut_short_says_so(tmp_path: Path, share: float) -> None:
+    """Before, it was said to have nothing on layer 1."""
+    (tmp_path / "cut.dxf").write_bytes(SOUND[: int(share * len(SOUND))])
+    with pytest.raises(InputError, match="is cut short"):
+        read_drafted(tmp_path / "cut.dxf")
+
+
 with TemporaryDirectory() as _place:
     SOUND = write(
         Path(_place) / "fuzz.dxf", {"M": [piece for piece in tshirt() if piece.name != "SLEEVE"]}

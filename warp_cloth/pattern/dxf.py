@@ -35,6 +35,7 @@ from warp_cloth.pattern.specification import MOST_PANELS, short
 EXPORT_AGAIN = "export the DXF again, as AAMA or ASTM"
 LARGEST_FILE = 200_000_000  # bytes
 MOST_POINTS = 200_000  # of a piece
+BLANK = b" \t\r\n\x00\x1a"  # behind the end of a file
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +89,8 @@ def _document(file: str, data: bytes) -> Any:
         _refuse(file, "is empty")
     if data.startswith(b"AC10"):
         _refuse(file, "is a DWG file, not DXF", "save it as DXF")
+    if _is_cut_short(data):
+        _refuse(file, "is cut short: its last section has no end", "copy or export it again, whole")
     logging.getLogger("ezdxf").addHandler(logging.NullHandler())  # what it mends is not printed
     try:
         data = as_text(data) if data.startswith(BINARY) else data
@@ -96,6 +99,11 @@ def _document(file: str, data: bytes) -> Any:
         said = short(" ".join(str(error).split())) or type(error).__name__
         _refuse(file, f"cannot be read as DXF: {said}")
     return document
+
+
+def _is_cut_short(data: bytes) -> bool:
+    """Whether a file ends within a section, so that pieces may be missing: without its end, and that of the file."""
+    return data.rfind(b"SECTION") > data.rfind(b"ENDSEC") and not data.rstrip(BLANK).endswith(b"EOF")
 
 
 def _pieces(document: Any) -> tuple[list[Drawn], list[str]]:
