@@ -127,6 +127,19 @@ def skirt_cut_twice() -> list[Drafted]:
     return [band("SKIRT", 76.0, 40.0, "2"), band("WAISTBAND", 76.0, 4.0), band("RUFFLE", 230.0, 12.0)]
 
 
+def tiers() -> list[Drafted]:
+    """Three strips, each wider than the one above, of which the lowest is cut three times; a ruffle at its hem."""
+    strips = [band("TIER 1", 50.0, 22.0, "2"), band("TIER 2", 75.0, 22.0, "2"), band("TIER 3", 75.0, 22.0, "3")]
+    return [*strips, band("WAISTBAND", 72.0, 4.0), band("RUFFLE", 340.0, 8.0)]
+
+
+def named_tiers() -> list[Drafted]:
+    """Tiers of a front and a back each, the lowest drawn first."""
+    wide = {"UNTERE": 112.0, "MITTLERE": 75.0, "OBERE": 50.0}
+    pieces = [band(f"{name} STUFE {face}", w, 22.0) for name, w in wide.items() for face in ("VORNE", "HINTEN")]
+    return [*pieces, band("BUND", 72.0, 4.0)]
+
+
 def robe(is_crossed: bool = True) -> list[Drafted]:
     """A kimono's fronts, or a cardigan's, and a band as long as both of their edges and the neck behind."""
     pieces = []
@@ -158,6 +171,8 @@ EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "ruffled skirt": ruffled_skirt,
     "ruffled T-shirt": ruffled_tshirt,
     "skirt cut twice": skirt_cut_twice,
+    "tiers": tiers,
+    "named tiers": named_tiers,
     "robe": robe,
     "cardigan": lambda: robe(False),
 }
@@ -179,6 +194,8 @@ TRUE_EVERYDAY = {
         **TRUE_SEAMS["tshirt"],
         **{"hem band": 1, "hem_band ends": 1, "cuff": 2, "cuff ends": 2},
     },
+    "tiers": {"side": 6, "tier": 4, "waistband": 1, "waistband ends": 1, "hem band": 1, "hem_band ends": 1},
+    "named tiers": {"side": 6, "tier": 4, "waistband": 1, "waistband ends": 1},
     "robe": {**TOP, "sleeve cap": 2, "underarm": 2, "collar": 1},
     "cardigan": {**TOP, "sleeve cap": 2, "underarm": 2, "collar": 1},
     "skirt cut twice": {"gore": 2, "waistband": 1, "waistband ends": 1, "hem band": 1, "hem_band ends": 1},

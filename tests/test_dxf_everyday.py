@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 from dxf_everyday import EVERYDAY, TRUE_EVERYDAY
-from dxf_patterns import Drafted, Style, write
+from dxf_patterns import Drafted, Style, band, write
 from dxf_shirts import shirt, write_shirt
-from test_dxf import kinds
+from test_dxf import boundary_loops, kinds
 
-from warp_cloth.pattern import read_drafted
+from warp_cloth.pattern import DraftOptions, read_drafted
 from warp_cloth.pattern.kinds import named
 
 STYLES = [Style(), Style("ENGLISH", turned=90.0, entity="LWPOLYLINE", allowance=1.0)]
@@ -60,3 +60,23 @@ def test_a_straight_armhole_is_none_where_no_sleeve_is_as_long(tmp_path: Path) -
     sides = [joint for joint in draft.joints if joint.reason.startswith("side")]
     assert [len(joint.one) for joint in sides] == [2, 2]
     assert not kinds(draft)["sleeve cap"]
+
+
+def test_a_ruffle_goes_round_the_lowest_tier(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.dxf", {"M": EVERYDAY["tiers"]()})
+    assert boundary_loops(path, DraftOptions()) == 2  # waist and hem
+    ruffle = next(joint for joint in read_drafted(path).joints if joint.reason.startswith("hem band"))
+    assert ruffle.reason.endswith("3400 to 2250 mm")
+
+
+@pytest.mark.parametrize(("widths", "names"), [((50.0, 75.0), "21"), ((60.0, 60.0), "AB")])
+def test_tiers_in_no_sure_order_are_not_sewn(tmp_path: Path, widths: tuple[float, ...], names: str) -> None:
+    pieces = [band(f"TIER {name}", wide, 22.0, "2") for name, wide in zip(names, widths, strict=True)]
+    assert not read_drafted(write(tmp_path / "a.dxf", {"M": [*pieces, band("WAISTBAND", 72.0, 4.0)]})).joints
+
+
+def test_numbers_tell_the_order_of_tiers_as_wide_as_each_other(tmp_path: Path) -> None:
+    pieces = [band(f"TIER {name}", 60.0, 22.0, "2") for name in (2, 1)]
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": [*pieces, band("WAISTBAND", 72.0, 4.0)]}))
+    assert kinds(draft) == {"side": 4, "tier": 2, "waistband": 1, "waistband ends": 1}
+    assert [(part.name, part.level) for part in draft.parts if part.level] == [("TIER 2 front", 1), ("TIER 2 back", 1)]

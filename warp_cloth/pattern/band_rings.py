@@ -43,7 +43,7 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
     if kind == "hem_band":
         if gores:
             return tuple(side for gore in gores[::-1] for side in run_of(gore, parts[gore].roles.get("hem", ()), True))
-        skirts = around(parts, ("skirt_front",), ("skirt_back",), "hem", True)
+        skirts = around(parts, ("skirt_front", "tier_front"), ("skirt_back", "tier_back"), "hem", True)
         return skirts or around(parts, ("front",), ("back",), "hem", True)
     whole = {
         parts[leg].side: run_of(leg, parts[leg].roles.get("waist", ()), True) for leg in parts_of_kind(parts, "leg")
@@ -94,7 +94,7 @@ def around(
     Of fronts that are left open from the middle of one on to that of the other.
     """
     runs: dict[tuple[bool, bool, int], tuple[Side, ...]] = {}
-    for panel, part in enumerate(parts):
+    for panel, part in sorted(enumerate(parts), key=lambda each: -each[1].level):  # of tiers the lowest
         kind = part.kind.removeprefix("side_")
         if kind in fronts or kind in backs:
             run = leg_run(parts, panel, role)[::-1]

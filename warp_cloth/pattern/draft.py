@@ -34,6 +34,7 @@ from warp_cloth.pattern.pocket_openings import without_pocket_openings
 from warp_cloth.pattern.roles import Roles, Shape, concave_count, is_strip, pants_roles, upright
 from warp_cloth.pattern.round_skirts import ring_of
 from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
+from warp_cloth.pattern.tier_strips import with_faces_of_tiers
 from warp_cloth.pattern.tops import Top, is_at_neck, top_of
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
@@ -63,6 +64,7 @@ class Part:
     holes: tuple[tuple[Chain, ...], ...] = ()  # cut out of it, counter-clockwise
     darts: tuple[Dart, ...] = ()  # within it
     twin: int | None = None  # the part that is its mirror image
+    level: int = 0  # of a tier of a skirt, from above; 0: the uppermost
 
     @property
     def shape(self) -> Shape:
@@ -92,6 +94,8 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
     parts: list[Part] = []
     left_out = [piece for piece in pieces if stated.get(piece.name, Stated()).place == "none"]
     told, notes = _identified([piece for piece in pieces if piece not in left_out])
+    told, tiered = with_faces_of_tiers(told, {name for name, said in stated.items() if said.copies or said.place})
+    notes += tiered
     told, closed = without_pocket_openings(_with_half_sleeves(told))
     notes += closed
     pieces = [*told, *left_out]

@@ -17,6 +17,7 @@ from warp_cloth.pattern.vocabulary import (
     RUFFLE,
     SIDE_PANEL_WORDS,
     STAND,
+    TIER,
     UNDER,
     WORDS,
 )
@@ -138,6 +139,7 @@ class Named:
     sure: float = 0.97  # of the kind
     is_facing: bool = False  # by its shape it faces another piece, and is left out
     is_ruffle: bool = False
+    is_tier: bool = False  # of a skirt
 
 
 def plain(text: str) -> str:
@@ -174,6 +176,9 @@ def _named(name: str) -> Named:
     if is_ruffle:
         return Named(kind, side, is_ruffle=True)
     face = next((each for each in found[1:] if each in ("front", "back")), "")
+    if kind in ("", "skirt", "front", "back") and re.search(TIER, text):
+        face = next((each for each in found if each in ("front", "back")), "")
+        return Named(f"skirt_{face}" if face else "skirt", side, is_tier=True)
     if kind in ("leg", "skirt"):
         is_panel = kind == "skirt" and face and re.search(SIDE_PANEL_WORDS, text)
         return Named(f"{kind}_{face}" if face else kind, side, SIDE_PANEL if is_panel else "")

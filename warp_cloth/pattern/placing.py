@@ -19,6 +19,7 @@ from warp_cloth.pattern.placing_gores import cone, gore
 from warp_cloth.pattern.placing_sleeves import half_sleeve, sleeve, under_sleeve
 from warp_cloth.pattern.runs import faces_of, role_of
 from warp_cloth.pattern.specification import Side
+from warp_cloth.pattern.tiers import above_of
 from warp_cloth.pattern.wrap import Laid, Wrap, flat_wrap
 
 MOST_ROLLED = 0.6 * np.pi  # a half of the trunk's cover on either side of its middle
@@ -65,6 +66,8 @@ def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Laid | None:
         "side_back": lambda: _side_panel(parts, index, figure, False),
         "skirt_front": lambda: _skirt(parts, index, figure, True),
         "skirt_back": lambda: _skirt(parts, index, figure, False),
+        "tier_front": lambda: _trunk(part, figure, True, lowered=above_of(parts, index)),
+        "tier_back": lambda: _trunk(part, figure, False, lowered=above_of(parts, index)),
         "side_skirt_front": lambda: _side_panel(parts, index, figure, True),
         "side_skirt_back": lambda: _side_panel(parts, index, figure, False),
         "gore": lambda: cone(parts, index, figure) or gore(parts, index, figure),
@@ -135,7 +138,7 @@ def _trunk(part: Part, figure: Figure, is_front: bool, side_panels: float = 0.0,
 
 def _top(part: Part, figure: Figure) -> float:
     """The height at which the top of a front or back starts."""
-    if "skirt" not in part.kind:
+    if not part.kind.removeprefix("side_").startswith(("skirt", "tier")):
         return float(figure.neck[1])
     if "crotch" in part.roles:  # of briefs, which end there
         return figure.crotch - BELOW_CROTCH + float(np.ptp(part.shape.box, axis=0)[1])

@@ -35,6 +35,7 @@ from warp_cloth.pattern.runs import (
 )
 from warp_cloth.pattern.sleeves import proposed_sleeves
 from warp_cloth.pattern.specification import Side
+from warp_cloth.pattern.tiers import proposed_tiers
 from warp_cloth.pattern.yokes import proposed_yokes
 
 SEWN_FROM = 0.75  # confidence from which a proposed seam is sewn without a word
@@ -64,6 +65,7 @@ def proposed_joints(parts: Sequence[Part]) -> tuple[Joint, ...]:
         *_legs(parts),
         *_hoods(parts),
         *_skirts(parts),
+        *proposed_tiers(parts),
         *_jumpsuits(parts),
         *_gores(parts),
         *proposed_collars(parts),

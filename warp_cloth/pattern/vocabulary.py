@@ -112,6 +112,8 @@ RUFFLE = (
     r"ruffles?\b|\bfrills?\b|flounce|\bvolante?s?\b|r(u|ue)sche|\bbalz[ae]\b|\bfirfir|falbal|\bbabado|falban|волан|оборк"
     r"|荷叶边|フリル|프릴"
 )
+# One of the strips of a skirt that are gathered one below another
+TIER = r"\btier(s|ed)?\b|\bstufen?\b|\bstufenrock|\betages?\b|\bescalon(es)?\b|ярус|ティア|티어"
 # What a piece is cut for, and is not: "front without pocket"
 BESIDE = (
     r"\b(with(out)?|no|w o|mit|ohne|avec|sans|con|sin|senza|com|sem) (a )?(pocket|tasche|poche|bolsillo|tasca|bolso)\w*"
