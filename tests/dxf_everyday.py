@@ -140,6 +140,18 @@ def named_tiers() -> list[Drafted]:
     return [*pieces, band("BUND", 72.0, 4.0)]
 
 
+def overalls() -> list[Drafted]:
+    """Trousers with bibs, before and behind, that are hollow from the waist to their tops; no straps."""
+    legs = trousers()[:2]
+    bibs = []
+    for name, leg, top in (("PETO DELANTERO", legs[0], (10.0, 24.0)), ("PETO TRASERO", legs[1], (4.0, 30.0))):
+        wide, (x, y) = length(leg.edges[2]), top
+        side = bezier((wide, 0.0), (12.0, 8.0), (x + 1.0, 18.0), top)
+        edges = [[(0.0, 0.0), (wide, 0.0)], side, [top, (0.0, y)], [(0.0, y), (0.0, 0.0)]]
+        bibs.append(Drafted(name, edges, "1", ((0.0, y), (0.0, 0.0))))
+    return [*legs, *bibs]
+
+
 def robe(is_crossed: bool = True) -> list[Drafted]:
     """A kimono's fronts, or a cardigan's, and a band as long as both of their edges and the neck behind."""
     pieces = []
@@ -173,6 +185,7 @@ EVERYDAY: dict[str, Callable[[], list[Drafted]]] = {
     "skirt cut twice": skirt_cut_twice,
     "tiers": tiers,
     "named tiers": named_tiers,
+    "overalls": overalls,
     "robe": robe,
     "cardigan": lambda: robe(False),
 }
@@ -196,6 +209,7 @@ TRUE_EVERYDAY = {
     },
     "tiers": {"side": 6, "tier": 4, "waistband": 1, "waistband ends": 1, "hem band": 1, "hem_band ends": 1},
     "named tiers": {"side": 6, "tier": 4, "waistband": 1, "waistband ends": 1},
+    "overalls": {"outseam": 2, "inseam": 2, "front crotch": 1, "back crotch": 1, "waist": 2},
     "robe": {**TOP, "sleeve cap": 2, "underarm": 2, "collar": 1},
     "cardigan": {**TOP, "sleeve cap": 2, "underarm": 2, "collar": 1},
     "skirt cut twice": {"gore": 2, "waistband": 1, "waistband ends": 1, "hem band": 1, "hem_band ends": 1},

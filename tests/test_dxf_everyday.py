@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -80,3 +81,14 @@ def test_numbers_tell_the_order_of_tiers_as_wide_as_each_other(tmp_path: Path) -
     draft = read_drafted(write(tmp_path / "a.dxf", {"M": [*pieces, band("WAISTBAND", 72.0, 4.0)]}))
     assert kinds(draft) == {"side": 4, "tier": 2, "waistband": 1, "waistband ends": 1}
     assert [(part.name, part.level) for part in draft.parts if part.level] == [("TIER 2 front", 1), ("TIER 2 back", 1)]
+
+
+def test_bibs_stay_open_at_their_sides(tmp_path: Path) -> None:
+    """Also where a side seam would fit, and one is wider than the waist; legs, and one opening round both bibs."""
+    *legs, front, back = EVERYDAY["overalls"]()
+    alike = replace(front, name=back.name)
+    pieces = [*legs, front, alike]
+    path = write(tmp_path / "a.dxf", {"M": EVERYDAY["overalls"]()})
+    assert boundary_loops(path, DraftOptions()) == 3
+    assert sum("folds down" in note for note in read_drafted(path).notes) == 1
+    assert not kinds(read_drafted(write(tmp_path / "b.dxf", {"M": pieces})))["side"]

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from warp_cloth.pattern.bibs import BIB
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.figure import UP, Figure
@@ -139,7 +140,8 @@ def _trunk(part: Part, figure: Figure, is_front: bool, side_panels: float = 0.0,
 def _top(part: Part, figure: Figure) -> float:
     """The height at which the top of a front or back starts."""
     if not part.kind.removeprefix("side_").startswith(("skirt", "tier")):
-        return float(figure.neck[1])
+        is_bib = BIB in part.roles  # above the waist
+        return float(figure.middle[1] + np.ptp(part.shape.box, axis=0)[1] if is_bib else figure.neck[1])
     if "crotch" in part.roles:  # of briefs, which end there
         return figure.crotch - BELOW_CROTCH + float(np.ptp(part.shape.box, axis=0)[1])
     return float(figure.middle[1])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from warp_cloth.pattern.bibs import with_bibs
 from warp_cloth.pattern.collars import with_collars
 from warp_cloth.pattern.draft import Part, Stated, parts_of
 from warp_cloth.pattern.godets import with_marks_of_godets
@@ -52,11 +53,12 @@ def _made(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> t
     parts, notes = parts_of(file, pieces, stated)
     for way in WAYS:
         parts = _parted(parts, way)
-    parts = with_tiers(with_straight_armholes(parts))
+    parts, bibs = with_bibs(with_straight_armholes(parts))
+    parts = with_tiers(parts)
     parts, layers = with_single_layers(with_skirt_panels(parts))
     parts, halves = with_whole_bands(parts)
     parts, collars = with_collars(with_marks_of_godets(parts))
-    return parts, [*notes, *layers, *halves, *collars]
+    return parts, [*notes, *bibs, *layers, *halves, *collars]
 
 
 def _parted(parts: Sequence[Part], way: str, is_shared: bool = False) -> tuple[Part, ...]:
