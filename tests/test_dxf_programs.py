@@ -8,7 +8,7 @@ from pathlib import Path
 import ezdxf
 import numpy as np
 import pytest
-from dxf_patterns import GARMENTS, GRADES, TRUE_SEAMS
+from dxf_patterns import GARMENTS, GRADES, TRUE_SEAMS, Style, band, write
 from dxf_programs import CM, INCH, MM, PROGRAMS, Pieces, Writer, accumark, clo
 from test_dxf import EDGE, EXACT, kinds
 from test_fuzz_patterns import holds_its_promise
@@ -196,3 +196,10 @@ def test_what_ezdxf_mends_is_not_printed(tmp_path: Path, capfd: pytest.CaptureFi
 def test_kinds_are_counted_once(tmp_path: Path) -> None:
     draft = read_drafted(PROGRAMS["lectra"](tmp_path / "tee.dxf", sized("tshirt", "M")))
     assert Counter(part.kind for part in draft.parts) == {"front": 1, "back": 1, "sleeve": 2, "collar": 1}
+
+
+def test_metric_beside_a_code_that_makes_no_garment_is_millimetres(tmp_path: Path) -> None:
+    """A code of metres, as ezdxf writes of itself; before, 24 cm were taken for 2.4 m, as nearer to a usual garment."""
+    path = write(tmp_path / "a.dxf", {"M": [band("FRONT", 24.0, 20.0)]}, Style("METRIC", entity="LINE", insunits=6))
+    (front,) = read_drafted(path).parts
+    assert float(np.ptp(front.edges[0].points, axis=0).max()) < 0.25

@@ -41,7 +41,8 @@ def unit_of(file: str, drawing: Drawing) -> tuple[float, list[str]]:
         stated = [1e-2]
     elif "metric" in said:  # millimetres by the standard; CLO writes centimetres under the same word
         code = code if code in (1e-3, 1e-2, 1.0) else None
-        stated = [code] if code is not None else [1e-3 if extent > METRIC_MM else 1e-2]
+        usual = 1e-3 if extent > METRIC_MM else 1e-2  # also where the code beside the word makes no garment
+        stated = [usual] if code is None else [code, usual]
     stated += [code] if code is not None else []
     for metres in stated:
         if LIKELY[0] <= extent * metres <= LIKELY[1]:
