@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from dxf_patterns import Drafted, band, bezier, half_body, length, line, write
+from dxf_patterns import Drafted, Point, band, bezier, half_body, length, line, write
 from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
@@ -68,6 +68,17 @@ def test_a_gusset_goes_between_the_crotches(tmp_path: Path) -> None:
 def test_what_may_be_a_halter_top_is_not_sewn(crotches: tuple[float, float], tmp_path: Path) -> None:
     """Narrow ends of two lengths, or as wide as the top of one."""
     pieces = [brief(name, 30.0, 10.0, crotch) for name, crotch in zip(("FRONT", "BACK"), crotches, strict=True)]
+    assert not read_drafted(write(tmp_path / "a.dxf", {"M": pieces})).joints
+
+
+@pytest.mark.parametrize("middle", [((4.0, 10.0), (25.5, 12.0)), ((3.6, 16.0), (25.0, 12.0))])
+def test_openings_without_a_corner_at_the_side_are_not_sewn_up(middle: tuple[Point, Point], tmp_path: Path) -> None:
+    """Before, they were sides of a skirt, and briefs a bag with an opening of 7 cm below."""
+    pieces = []
+    for name, rise in (("FRONT", 30.0), ("BACK", 33.0)):
+        plain = brief(name, rise, 10.0)
+        leg = bezier((3.5, 0.0), *middle, (25.0, rise - 8.0))
+        pieces.append(replace(plain, edges=[leg, line(leg[-1], plain.edges[1][-1]), *plain.edges[2:]]))
     assert not read_drafted(write(tmp_path / "a.dxf", {"M": pieces})).joints
 
 

@@ -12,6 +12,7 @@ from warp_cloth.pattern.godets import with_marks_of_godets
 from warp_cloth.pattern.half_bands import with_whole_bands
 from warp_cloth.pattern.kinds import SIDE_PANEL
 from warp_cloth.pattern.layers import with_single_layers
+from warp_cloth.pattern.narrow_ends import with_narrow_ends_doubted
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.proposal import SEWN_FROM, proposed_joints
 from warp_cloth.pattern.skirt_panels import with_skirt_panels
@@ -54,7 +55,7 @@ def _made(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> t
     for way in WAYS:
         parts = _parted(parts, way)
     parts, bibs = with_bibs(with_straight_armholes(parts))
-    parts = with_tiers(parts)
+    parts = with_narrow_ends_doubted(with_tiers(parts))
     parts, layers = with_single_layers(with_skirt_panels(parts))
     parts, halves = with_whole_bands(parts)
     parts, collars = with_collars(with_marks_of_godets(parts))
