@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import threading
+import time
 from typing import Any
 
 import pytest
@@ -40,6 +41,32 @@ def test_it_rests_while_a_graph_is_captured(monkeypatch: pytest.MonkeyPatch) -> 
     warp_cloth.fit("hanging", overrides=["garment.shape.vertices_per_side=8"], device="cpu")
     assert seen
     assert not any(seen)
+
+
+def test_a_collection_that_runs_in_another_thread_is_waited_for() -> None:
+    """As of what frees a GPU's arrays, which lets other threads run."""
+    events: list[str] = []
+    began = threading.Event()
+
+    class Slow:
+        def __del__(self) -> None:
+            began.set()
+            time.sleep(0.05)
+            events.append("freed")
+
+    def litter() -> None:
+        held: list[Any] = [Slow()]
+        held.append(held)
+        del held
+        gc.collect()
+
+    thread = threading.Thread(target=litter)
+    thread.start()
+    assert began.wait(10.0)
+    with no_collection():
+        events.append("captured")
+    thread.join()
+    assert events == ["freed", "captured"]
 
 
 @pytest.mark.cuda
