@@ -18,7 +18,7 @@ Strip = tuple[np.ndarray, np.ndarray]
 
 
 def strip(columns: int, low: float, high: float, first: float = 0.0, last: float = 1.0) -> Strip:
-    """A strip in the plane z = 0 from ``first`` to ``last``, of one row of so many columns [m]."""
+    """A strip in the plane z = 0 from ``first`` to ``last``, of one row with this number of columns [m]."""
     x, y = np.meshgrid(np.linspace(first, last, columns + 1), [low, high])
     a = np.arange(columns)
     b = a + columns + 1

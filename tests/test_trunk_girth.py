@@ -46,7 +46,7 @@ def shirt(body: Mesh) -> Mesh:
 
 
 def on_body(folder: Path, shirt: Mesh, body: Mesh, width: float) -> tuple[Scene, Outfit]:
-    """The shirt, so many times as wide, on the body."""
+    """The shirt on the body, made wider by this factor."""
     middle = body.points.mean(axis=0) * [1.0, 0.0, 1.0]
     write_obj(folder / "shirt.obj", (shirt.points - middle) * [width, 1.0, width] + middle, shirt.triangles)
     write_obj(folder / "body.obj", body.points, body.triangles)
