@@ -115,6 +115,18 @@ def test_a_drafted_garment_is_brought_to_a_body_that_stands_elsewhere(tmp_path: 
     assert not outfit_on(Placement(rotate=(0.0, 130.0, 0.0)), rotate=[0.0, 0.0, 0.0]).readings
 
 
+def test_a_mesh_too_far_from_its_body_is_brought_to_it(tmp_path: Path, tshirt: Mesh) -> None:
+    """Where no unit brings it there; one whose place is stated is refused."""
+    body, turn = mannequin(SIZE_BODIES["M"]), Placement(rotate=(0.0, 130.0, 0.0), translate=(8.0, 0.7, -2.0))
+    write_obj(tmp_path / "body.obj", turn.moved(body.points), body.triangles)
+    path = write_panels(tmp_path / "shirt.obj", tshirt.points + np.array([0.4, 0.0, 0.7]), tshirt, 1.0)
+    outfit = load_outfit(load_scene(path, on=tmp_path / "body.obj"))
+    assert set(choices(outfit)) == {"rotate", "translate"}
+    assert outfit.meshes[0].points == pytest.approx(turn.moved(tshirt.points), abs=0.05)
+    with pytest.raises(InputError, match="away from the avatar"):
+        load_outfit(load_scene(path, {"garment.translate": [0.0, 0.0, 0.01]}, on=tmp_path / "body.obj"))
+
+
 @pytest.mark.parametrize("faces_away", [False, True])
 def test_a_garment_on_who_faces_away_is_turned_unless_its_front_is_there(
     tmp_path: Path, tshirt: Mesh, faces_away: bool

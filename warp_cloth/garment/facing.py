@@ -1,14 +1,16 @@
-"""Drafted garments brought to a body that stands elsewhere than they were drafted for, or faces another way."""
+"""Garments brought to a body that stands elsewhere than they were drafted for, or faces another way."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from warp_cloth.anatomy.skeleton import Skeleton
 from warp_cloth.base.choice import Choice
+from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.garment.reading import TURNED, Value, angle_about_y, is_placed
+from warp_cloth.loading import Placement, lies_apart
 from warp_cloth.scene import GarmentSpec, Scene, TshirtShape
 
 UPRIGHT = 0.7  # cosine between a trunk and y, from which on a body stands or sits
@@ -23,33 +25,59 @@ def brought_to_wearer(scene: Scene, skeleton: Callable[[], Skeleton | None]) -> 
     all that there is to be known. What is loaded as a mesh may have been modelled where it is. What the author states
     of a garment's place stays.
     """
-    drafted = [index for index, spec in enumerate(scene.garments) if _is_drafted(spec)]
-    if scene.avatar is None or scene.avatar.mesh is None or scene.solver.start == "placed" or not drafted:
+    origins = {index: np.zeros(3) for index, spec in enumerate(scene.garments) if _is_drafted(spec)}
+    return _brought(scene, origins, skeleton, FAR)
+
+
+def brought_from_afar(
+    scene: Scene,
+    garments: Sequence[tuple[str, Mesh]],
+    avatar: Mesh | None,
+    skeleton: Callable[[], Skeleton | None],
+) -> tuple[Scene, list[Choice]]:
+    """The same of meshes of a fitting size that lie too far from the body in any unit: as far as to be of no use."""
+    origins = {}
+    for index, (spec, (key, mesh)) in enumerate(zip(scene.garments, garments, strict=True)):
+        is_open = spec.mesh is not None and spec.units is None and not _states_place(spec)  # a unit may be stated wrong
+        if avatar is not None and is_open and lies_apart(key, mesh, avatar):
+            low, high = mesh.bounds()
+            origins[index] = 0.5 * (low + high) * [1.0, 0.0, 1.0]
+    return _brought(scene, origins, skeleton, 0.0)
+
+
+def _brought(
+    scene: Scene, origins: Mapping[int, Points], skeleton: Callable[[], Skeleton | None], far: float
+) -> tuple[Scene, list[Choice]]:
+    """Garments with their origins [m], by number, where a body stands that is as ``far`` from there [m], or farther."""
+    if scene.avatar is None or scene.avatar.mesh is None or scene.solver.start == "placed" or not origins:
         return scene, []
     person = skeleton()
     if person is None or person.up[1] < UPRIGHT:
         return scene, []
     degrees = angle_about_y(np.array([1.0, 0.0, 0.0]), person.left)
     degrees -= 360.0 * round(degrees / 360.0)
-    x, _, z = person.middle.tolist()
-    floor = float(person.skin[:, 1].min())
-    changes: dict[str, tuple[Value, str]] = {}
-    if abs(degrees) >= TURNED:
-        changes["rotate"] = (0.0, degrees, 0.0), "the body faces another way than it was drafted for"
-    if np.hypot(x, z) > FAR or abs(floor) > FAR:
-        changes["translate"] = (x, floor, z), "the body stands elsewhere than it was drafted for"
-    if not changes:
-        return scene, []
+    turn = Placement(rotate=(0.0, degrees, 0.0)) if abs(degrees) >= TURNED else Placement()
+    place = np.array([person.middle[0], person.skin[:, 1].min(), person.middle[2]])
     specs, choices = list(scene.garments), []
-    for index in drafted:
+    for index, origin in origins.items():
+        changes: dict[str, tuple[Value, str]] = {}
+        if any(turn.rotate):
+            changes["rotate"] = turn.rotate, "the body faces another way than it was drafted for"
+        off = place - origin
+        if np.hypot(off[0], off[2]) > far or abs(off[1]) > far:
+            x, y, z = (place - turn.moved(origin)).tolist()
+            changes["translate"] = (x, y, z), "the body stands elsewhere than it was drafted for"
         key = scene.garment_keys[index]
         specs[index] = specs[index].model_copy(update={name: value for name, (value, _) in changes.items()})
         choices += [Choice(f"{key}.{name}", *change) for name, change in changes.items()]
-    return scene.model_copy(update={"garments": tuple(specs)}), choices
+    return (scene.model_copy(update={"garments": tuple(specs)}) if choices else scene), choices
 
 
 def _is_drafted(spec: GarmentSpec) -> bool:
     """Whether it is made round a body of the program's own or of a pattern's, and its author does not place it."""
-    stated = bool({"rotate", "translate"} & spec.model_fields_set) or is_placed(spec)
     is_pattern = spec.pattern is not None and not spec.is_laid_round
-    return not stated and (is_pattern or isinstance(spec.shape, TshirtShape))
+    return not _states_place(spec) and (is_pattern or isinstance(spec.shape, TshirtShape))
+
+
+def _states_place(spec: GarmentSpec) -> bool:
+    return bool({"rotate", "translate"} & spec.model_fields_set) or is_placed(spec)

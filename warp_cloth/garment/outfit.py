@@ -16,7 +16,7 @@ from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.stored_value import stored_value
-from warp_cloth.garment.facing import brought_to_wearer
+from warp_cloth.garment.facing import brought_from_afar, brought_to_wearer
 from warp_cloth.garment.falling import Catcher
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.making import (
@@ -143,6 +143,7 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
             partial(read_again, scene, cloths_of(worn, garments, wearing), avatar),
             partial(read_sizes_again, scene, keyed, avatar),
             partial(stand_up, scene, keyed, avatar, find_skeleton),
+            partial(brought_from_afar, scene, keyed, avatar, find_skeleton),
         ):
             with suppress(InputError):  # the scene's own is told where no reading helps
                 outfit = _read_as(*read(), cache)

@@ -4,7 +4,14 @@ from warp_cloth.loading.load import AXIS_UNKNOWN, SUPPORTED, from_z_up, lies, lo
 from warp_cloth.loading.placement import Placement
 from warp_cloth.loading.poses import load_poses
 from warp_cloth.loading.repair import without_area
-from warp_cloth.loading.sizes import check_sizes, fitting_reading, is_of_fitting_size, is_usual_size, was_guessed
+from warp_cloth.loading.sizes import (
+    check_sizes,
+    fitting_reading,
+    is_of_fitting_size,
+    is_usual_size,
+    lies_apart,
+    was_guessed,
+)
 from warp_cloth.loading.stored import load_mesh_once
 
 __all__ = [
@@ -17,6 +24,7 @@ __all__ = [
     "is_of_fitting_size",
     "is_usual_size",
     "lies",
+    "lies_apart",
     "load_mesh",
     "load_mesh_once",
     "load_poses",

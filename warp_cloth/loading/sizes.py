@@ -235,6 +235,13 @@ def is_of_fitting_size(garment: Mesh, avatar: Mesh) -> bool:
     return _fits(ratio, ratio_bounds) and gap <= gap_bound
 
 
+def lies_apart(key: str, garment: Mesh, avatar: Mesh) -> bool:
+    """Whether a garment of a fitting size lies too far from the avatar, and so it would in any unit."""
+    ratio_bounds, gap_bound = _bounds(garment, avatar)
+    ratio, gap = _fit_of(garment, avatar, 1.0, 1.0)
+    return _fits(ratio, ratio_bounds) and gap > gap_bound and not fitting_reading(key, garment, avatar)
+
+
 def _bounds(garment: Mesh, avatar: Mesh) -> tuple[tuple[float, float], float]:
     """Bounds of the garment's extent and of its distance, relative to the avatar's extent."""
     guess_g, guess_a = was_guessed(garment), was_guessed(avatar)
