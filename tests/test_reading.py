@@ -81,13 +81,23 @@ def test_what_has_no_openings_is_read_in_the_unit_in_which_it_lies_on_the_skin(
     assert np.ptp(outfit.meshes[0].points[:, 0]) == pytest.approx(0.2, abs=0.03)
 
 
-@pytest.mark.parametrize("degrees", [90.0, 270.0, 34.0, -50.0])
+@pytest.mark.parametrize("quarters", [1, 3])
 def test_a_garment_that_is_turned_is_turned_back_with_its_front_before(
-    tmp_path: Path, tshirt: Mesh, degrees: float
+    tmp_path: Path, tshirt: Mesh, quarters: int
 ) -> None:
-    """About the axis of its file, as a body may have been scanned."""
-    turn = Placement(rotate=(0.0, degrees, 0.0))
-    outfit = read(tmp_path, tshirt, turn.moved)
+    turn = np.linalg.matrix_power(TURN, quarters)
+    outfit = read(tmp_path, tshirt, lambda points: points @ turn.T)
+    assert set(choices(outfit)) == {"rotate", "translate"}
+    (wearing,) = outfit.wearing
+    assert wearing is not None
+    assert not wearing.start_fault
+    assert outfit.meshes[0].points == pytest.approx(tshirt.points, abs=0.06)  # round the body, not round the origin
+
+
+@pytest.mark.parametrize("degrees", [34.0, -50.0])
+def test_a_garment_askew_is_turned_about_the_axis_of_its_file(tmp_path: Path, tshirt: Mesh, degrees: float) -> None:
+    """As a body may have been scanned."""
+    outfit = read(tmp_path, tshirt, Placement(rotate=(0.0, degrees, 0.0)).moved)
     assert set(choices(outfit)) == {"rotate"}
     (wearing,) = outfit.wearing
     assert wearing is not None

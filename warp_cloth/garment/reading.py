@@ -284,13 +284,15 @@ def _turned(cloth: Cloth, wearing: Wearing) -> Change | None:
     degrees -= 180.0 * round(degrees / 180.0)  # left and right look alike
     if abs(degrees) < TURNED:
         return None
-    if abs(abs(degrees) - QUARTER) < SQUARE:
+    is_quarter = abs(abs(degrees) - QUARTER) < SQUARE
+    if is_quarter:
         degrees = float(np.copysign(QUARTER, degrees))
     if cloth.front(wearing, _about_axis(degrees, skeleton.middle).moved(wearing.start)).score < 0.0:
         degrees -= float(np.copysign(180.0, degrees))
     turns = [_about_axis(degrees, axis) for axis in (skeleton.middle, np.zeros(3))]
     there = [wearing.started_at(turn.moved(wearing.start)) for turn in turns]
-    wrong = [(len(each.misplaced_at_start), _off_limbs(each)) for each in there]
+    # by a quarter a garment was turned, about whatever axis; at another angle the body was scanned, about its file's
+    wrong = [(len(each.misplaced_at_start), 0.0 if is_quarter else _off_limbs(each)) for each in there]
     best = wrong.index(min(wrong))
     before = len(wearing.misplaced_at_start)
     if wrong[best][0] > before or (wrong[best][0] == before and abs(degrees) >= SIDEWAYS):
