@@ -259,11 +259,11 @@ def test_what_tangles_as_it_slides_slides_no_farther() -> None:
     assert farther.slides == 2
     untangling, growing = (Ended(farther, LIMIT, crossings, VERTICES, torn=1) for crossings in (12, 13))
     assert following(sewn, failed, begins, untangling).slides == 3
-    anew = following(sewn, failed, begins, growing)
-    assert (anew.begins_after, anew.slides) == (0, len(SLIDES))  # once for long, from where it was torn
+    retried = following(sewn, failed, begins, growing)
+    assert (retried.begins_after, retried.slides) == (0, len(SLIDES))  # once for long, from where it was torn
     many = Ended(slides, LIMIT, int(FEW_CROSSINGS * VERTICES) + 1, VERTICES, torn=1)
     assert following(sewn, failed, many).begins_after == 0
-    assert following(sewn, failed, begins, growing, replace(many, attempt=anew)) is None
+    assert following(sewn, failed, begins, growing, replace(many, attempt=retried)) is None
 
 
 def test_what_slid_off_a_shoulder_slides_anew_at_once() -> None:

@@ -60,7 +60,7 @@ class Sections:
         self._low, self._high = heights.min(axis=1), heights.max(axis=1)
 
     def at(self, height: float) -> Section:
-        """The section at a height [m], as of ``cut``."""
+        """The section at a height [m], which is that of ``cut``."""
         crossed = np.flatnonzero((self._low < height) & (self._high >= height))
         section = cut(self._points, self._triangles[crossed], height)
         return replace(section, faces=crossed[section.faces])

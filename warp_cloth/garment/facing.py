@@ -25,6 +25,8 @@ def brought_to_wearer(scene: Scene, skeleton: Callable[[], Skeleton | None]) -> 
     all that there is to be known. What is loaded as a mesh may have been modelled where it is. What the author states
     of a garment's place stays.
     """
+    if not _may_bring(scene):  # before patterns' files are looked into
+        return scene, []
     origins = {index: np.zeros(3) for index, spec in enumerate(scene.garments) if _is_drafted(spec)}
     return _brought(scene, origins, skeleton, FAR)
 
@@ -36,10 +38,12 @@ def brought_from_afar(
     skeleton: Callable[[], Skeleton | None],
 ) -> tuple[Scene, list[Choice]]:
     """The same of meshes of a fitting size that lie too far from the body in any unit: as far as to be of no use."""
-    origins = {}
+    origins: dict[int, Points] = {}
+    if avatar is None or not _may_bring(scene):
+        return scene, []
     for index, (spec, (key, mesh)) in enumerate(zip(scene.garments, garments, strict=True)):
         is_open = spec.mesh is not None and spec.units is None and not _states_place(spec)  # a unit may be stated wrong
-        if avatar is not None and is_open and lies_apart(key, mesh, avatar):
+        if is_open and lies_apart(key, mesh, avatar):
             low, high = mesh.bounds()
             origins[index] = 0.5 * (low + high) * [1.0, 0.0, 1.0]
     return _brought(scene, origins, skeleton, 0.0)
@@ -49,9 +53,7 @@ def _brought(
     scene: Scene, origins: Mapping[int, Points], skeleton: Callable[[], Skeleton | None], far: float
 ) -> tuple[Scene, list[Choice]]:
     """Garments with their origins [m], by number, where a body stands that is as ``far`` from there [m], or farther."""
-    if scene.avatar is None or scene.avatar.mesh is None or scene.solver.start == "placed" or not origins:
-        return scene, []
-    person = skeleton()
+    person = skeleton() if origins else None
     if person is None or person.up[1] < UPRIGHT:
         return scene, []
     degrees = angle_about_y(np.array([1.0, 0.0, 0.0]), person.left)
@@ -73,10 +75,16 @@ def _brought(
     return (scene.model_copy(update={"garments": tuple(specs)}) if choices else scene), choices
 
 
+def _may_bring(scene: Scene) -> bool:
+    """Whether the body is one that is not the program's own, and garments need not start where they are placed."""
+    return scene.avatar is not None and scene.avatar.mesh is not None and scene.solver.start != "placed"
+
+
 def _is_drafted(spec: GarmentSpec) -> bool:
     """Whether it is made round a body of the program's own or of a pattern's, and its author does not place it."""
-    is_pattern = spec.pattern is not None and not spec.is_laid_round
-    return not _states_place(spec) and (is_pattern or isinstance(spec.shape, TshirtShape))
+    if _states_place(spec):
+        return False
+    return isinstance(spec.shape, TshirtShape) or (spec.pattern is not None and not spec.is_laid_round)
 
 
 def _states_place(spec: GarmentSpec) -> bool:

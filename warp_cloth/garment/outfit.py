@@ -145,7 +145,7 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
             partial(stand_up, scene, keyed, avatar, find_skeleton),
             partial(brought_from_afar, scene, keyed, avatar, find_skeleton),
         ):
-            with suppress(InputError):  # the scene's own is told where no reading helps
+            with suppress(InputError):  # the scene's own error is raised where no reading helps
                 outfit = _read_as(*read(), cache)
                 if outfit is not None:
                     return outfit

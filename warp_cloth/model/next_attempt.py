@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.trunk_girth import trunk_girth
 from warp_cloth.anatomy.trunk_loop import trunk_loop
 from warp_cloth.base.choice import Choice
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.outfit import Outfit
+from warp_cloth.garment.rest import RestShape
 from warp_cloth.model.attempt import Attempt, CutShort, Ended, Patience, best_of
 from warp_cloth.model.first_attempt import (
     FALLING,
@@ -86,24 +89,27 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit, *, locked: bool = Fal
 
 def _is_too_short(outfit: Outfit) -> bool:
     """Whether a garment's trunk is too short for the body by its cut: it pulls itself off the shoulders, or tears."""
-    for garment, wearing in zip(outfit.garments, outfit.wearing, strict=True):
-        rest = garment.rest
-        if wearing is not None and outfit.avatar is not None:
-            loop = trunk_loop(wearing, rest.topology.edges, rest.edge_length, outfit.avatar)
-            if loop is not None and loop.is_short:
-                return True
+    for rest, wearing, body in _on_body(outfit):
+        loop = trunk_loop(wearing, rest.topology.edges, rest.edge_length, body)
+        if loop is not None and loop.is_short:
+            return True
     return False
 
 
 def _is_too_narrow(outfit: Outfit) -> bool:
     """Whether a garment's trunk is too narrow for the body by its cut: no start makes it wider."""
-    for garment, wearing in zip(outfit.garments, outfit.wearing, strict=True):
-        sheet = garment.rest.sheet
-        if wearing is not None and outfit.avatar is not None and sheet is not None:
-            girth = trunk_girth(wearing, sheet.flat, outfit.avatar)
-            if girth is not None and girth.is_narrow:
-                return True
+    for rest, wearing, body in _on_body(outfit):
+        girth = None if rest.sheet is None else trunk_girth(wearing, rest.sheet.flat, body)
+        if girth is not None and girth.is_narrow:
+            return True
     return False
+
+
+def _on_body(outfit: Outfit) -> Iterator[tuple[RestShape, Wearing, Mesh]]:
+    """The garments that have openings on a body, each as cut, and the body."""
+    for garment, wearing in zip(outfit.garments, outfit.wearing, strict=True):
+        if wearing is not None and outfit.avatar is not None:
+            yield garment.rest, wearing, outfit.avatar
 
 
 def _after_dressed(history: Sequence[Ended]) -> Attempt | None:

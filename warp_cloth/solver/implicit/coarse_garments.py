@@ -59,7 +59,7 @@ def build_hierarchy(garment: Garment) -> Hierarchy:
 
 
 def _coarsened(triangles: Indices, corners: Floats, pinned: Flags) -> tuple[Pattern, tuple[Coarsening, ...]]:
-    """A garment's rest shape, and its coarser versions, finest first; arguments as of ``rest_pattern``."""
+    """A garment's rest shape, and its coarser versions, finest first; takes what ``rest_pattern`` does."""
     pattern = cloth = rest_pattern(triangles, corners, pinned)
     coarsenings: list[Coarsening] = []
     while len(cloth.pinned) >= RATIO * FEWEST:
