@@ -9,9 +9,10 @@ import signal
 import socket
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,12 +33,14 @@ from services import (
 
 import warp_cloth
 from warp_cloth.batch.loading import LoadCache
+from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.rows import points_digest
 from warp_cloth.cli.terminal import INTERRUPTED
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.serve.answering import OrderTask, answer
 from warp_cloth.serve.catalogue import read_catalogue
-from warp_cloth.serve.orders import order_of, parsed
+from warp_cloth.serve.dispatcher import Waiting, next_task
+from warp_cloth.serve.orders import Order, order_of, parsed
 from warp_cloth.serve.schema import ANSWER, EXAMPLES, FitAnswer
 
 pytest.importorskip("fastapi")
@@ -185,6 +188,56 @@ def test_orders_of_one_task_each_get_their_own_reply(tmp_path: Path) -> None:
             said, right = json.loads(reply.content), json.loads(alone.content)
             assert said.pop("seconds") > 0 < right.pop("seconds")
             assert said == right
+
+
+def test_orders_that_state_the_same_are_fitted_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "catalogue.toml").write_text(CHEAP)
+    catalogue = read_catalogue([str(tmp_path / "catalogue.toml")])
+    order = order_of(parsed(json.dumps(cheap_request(0.3, ("S", "L"))).encode()), catalogue, tmp_path / "order")
+    counts = []
+
+    def counted(scenes: Sequence[Any], *args: Any, **options: Any) -> list[Any]:
+        counts.append(len(scenes))
+        return fit_many(scenes, *args, **options)
+
+    monkeypatch.setattr("warp_cloth.batch.many.fit_many", counted)
+    both = answer(OrderTask((order.written(), replace(order, files=(), glb="none")), "cpu"), LoadCache(0))
+    assert [reply.status for reply in both] == [200, 200]
+    assert counts == [2]
+    digests_of = [[size["digest"] for size in json.loads(reply.content)["sizes"]] for reply in both]
+    assert digests_of[0] == digests_of[1]
+
+
+def waiting_for(bodies: str) -> list[Waiting]:
+    """Orders for bodies of these names, a letter each."""
+    return [Waiting(Order("", body, {}, (), Path(), 0.0, (), "none"), 0.0) for body in bodies]
+
+
+@pytest.mark.parametrize(
+    ("bodies", "device", "workers", "together", "expected"),
+    [
+        ("abcabc", "cpu", 2, 64, "aa"),  # on the CPU one body a task
+        ("a" * 20, "cpu", 2, 64, "a" * 8),
+        ("abcabc", "cuda:0", 1, 64, "aabbcc"),
+        ("abcabc", "cuda:0", 1, 3, "aab"),
+        ("abcabc", "cuda:0", 2, 64, "aa"),  # half of the queue is 3, the next body has 2 more
+        ("abcdef", "cuda:0", 2, 64, "abc"),
+        ("aaaaab", "cuda:0", 3, 64, "aaaaa"),  # one body stays with one worker
+    ],
+)
+def test_orders_for_one_body_go_to_one_worker_and_the_others_are_shared(
+    bodies: str, device: str, workers: int, together: int, expected: str
+) -> None:
+    chosen = next_task(waiting_for(bodies), device, workers, together)
+    assert "".join(each.order.body for each in chosen) == expected
+
+
+def test_an_order_whose_worker_died_goes_alone() -> None:
+    waiting = waiting_for("aab")
+    waiting[0].tries = 1
+    assert next_task(waiting, "cuda:0", 1, 64) == waiting[:1]
+    assert next_task(waiting[1:], "cuda:0", 1, 64) == waiting[1:]
+    assert next_task([*waiting[1:], waiting[0]], "cuda:0", 1, 64) == waiting[1:]
 
 
 def test_wrong_paths_and_kinds_are_refused_likewise(service: Running) -> None:

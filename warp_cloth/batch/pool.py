@@ -102,6 +102,11 @@ class WorkerSlot:
     def usable(self) -> bool:
         return self.losses < MOST_LOSSES
 
+    @property
+    def takes_turns(self) -> bool:
+        """Whether workers relax one after another on its device."""
+        return self.fraction < 1.0 and self.device != "cpu" and not self.sharing.active
+
     def assign(self, task: Any) -> None:
         if self.process is None:
             self.start()
@@ -297,8 +302,7 @@ class LocalPool:
         ]
         some = self._waiting[: TASKS_COMPARED if slot.device == "cpu" else 1]  # a GPU's shards have their order
         task = self._waiting.pop(best_shared([task.shard.inputs for task in some], own, others))
-        takes_turns = slot.fraction < 1.0 and slot.device != "cpu" and not slot.sharing.active
-        lease = task.store.lease_file(slot.device) if takes_turns else None
+        lease = task.store.lease_file(slot.device) if slot.takes_turns else None
         shared = task.shared if slot.loader_count and len(self._slots) > 1 else None
         return replace(task, device=slot.device, fraction=slot.fraction, lease=lease, shared=shared)
 

@@ -7,7 +7,7 @@ import itertools
 import json
 import logging
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path
@@ -17,7 +17,7 @@ from warp_cloth.base.errors import OVERRIDE, InputError, OutputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.batch.rows import points_digest
 from warp_cloth.batch.task import SMALLER, DeviceLostError, device_answers, out_of_memory
-from warp_cloth.serve.orders import Order
+from warp_cloth.serve.orders import Order, Stated
 
 if TYPE_CHECKING:
     from warp_cloth.batch.loading import LoadCache
@@ -77,40 +77,45 @@ def answer(task: OrderTask, load_cache: LoadCache) -> list[Reply]:
 def _answered(task: OrderTask, load_cache: LoadCache) -> list[Reply]:
     began = time.perf_counter()
     known = set(load_cache.mesh_cache.portable_entries())
-    scenes = [_scenes(order) for order in task.orders]
-    usable = [scene for own in scenes for scene in own.values() if not isinstance(scene, str)]
+    loaded: dict[Stated, Scene | str] = {}
+    scenes = [_scenes(order, loaded) for order in task.orders]
+    usable = [scene for scene in loaded.values() if not isinstance(scene, str)]
     try:
-        fits = _fitted(task, usable, load_cache)
+        fits = dict(zip(map(id, usable), _fitted(task, usable, load_cache), strict=True))
         replies = []
         for order, own in zip(task.orders, scenes, strict=True):
-            found = {size: scene if isinstance(scene, str) else next(fits) for size, scene in own.items()}
+            found = {size: scene if isinstance(scene, str) else fits[id(scene)] for size, scene in own.items()}
             replies.append(_reply(order, found, task.device, time.perf_counter() - began))
         return replies
     finally:
         _forget_bodies(load_cache, known, usable)
 
 
-def _scenes(order: Order) -> dict[str, Scene | str]:
-    """The scene of each size, or why it cannot be used."""
+def _scenes(order: Order, loaded: dict[Stated, Scene | str]) -> dict[str, Scene | str]:
+    """The scene of each size, or why it cannot be used; one for all orders that state the same."""
+    for stated in order.sizes.values():
+        if stated not in loaded:
+            loaded[stated] = _scene(stated, order)
+    return {size: loaded[stated] for size, stated in order.sizes.items()}
+
+
+def _scene(stated: Stated, order: Order) -> Scene | str:
     from warp_cloth.scene import load_scene
 
-    found: dict[str, Scene | str] = {}
-    for size, (source, changes) in order.sizes.items():
-        try:
-            found[size] = load_scene(source or {}, changes)
-        except InputError as error:
-            found[size] = _words(error, order)
-    return found
+    source, changes = stated
+    try:
+        return load_scene(source or {}, changes)
+    except InputError as error:
+        return _words(error, order)
 
 
-def _fitted(task: OrderTask, scenes: Sequence[Scene], load_cache: LoadCache) -> Iterator[Fit | Exception]:
+def _fitted(task: OrderTask, scenes: Sequence[Scene], load_cache: LoadCache) -> list[Fit | Exception]:
     from warp_cloth.batch.many import fit_many
     from warp_cloth.batch.memory import available_bytes
 
     names = tuple(dict.fromkeys(itertools.chain.from_iterable(order.maps for order in task.orders)))
     budget = available_bytes(task.device, task.fraction)
-    fits = fit_many(scenes, task.device, budget=budget, maps=names, load_cache=load_cache, lease=task.lease)
-    return iter(fits)
+    return fit_many(scenes, task.device, budget=budget, maps=names, load_cache=load_cache, lease=task.lease)
 
 
 def _forget_bodies(load_cache: LoadCache, known: set[Any], scenes: Sequence[Scene]) -> None:

@@ -65,7 +65,7 @@ class Service:
         """Has a worker fit the first product on its own body, so that no caller waits for the kernels to compile."""
         product = next(iter(self.catalogue.values()))
         size, offer = next(iter(product.sizes.items()))
-        order = Order(product.name, {size: (offer.scene, offer.changes)}, (), self.folder(), 0.0, (), "none")
+        order = Order(product.name, "", {size: (offer.scene, offer.changes)}, (), self.folder(), 0.0, (), "none")
         waiting = self.dispatcher.submit(order, seconds=float("inf"))
         if waiting is not None:
             waiting.future.add_done_callback(lambda future: self._report_warm_up(future.result()))

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.batch.gpu_sharing import ALONE, GpuSharing
 from warp_cloth.batch.pool import Lost, WorkerSlot
 from warp_cloth.batch.worker import Duty
 from warp_cloth.serve.answering import OrderTask, Reply, refused
@@ -29,6 +30,7 @@ log = logging.getLogger(__name__)
 
 MOST_TRIES = 2  # of an order whose worker died: the second alone
 LONGEST_WAIT = 1.0  # [s] between two looks at the clock
+TOGETHER_ON_CPU = 8  # orders for one body in a task; they are fitted one after another, and answered together
 
 
 @dataclass(eq=False)
@@ -62,10 +64,10 @@ class Counts:
 class Dispatcher:
     """Worker processes on these devices (one entry for each), and the orders that wait for them.
 
-    ``scratch`` is an empty folder in which orders have theirs.
+    ``scratch`` is an empty folder in which orders have theirs; ``sharing``: how workers share GPUs.
     """
 
-    def __init__(self, devices: list[str], limits: Limits, scratch: Path) -> None:
+    def __init__(self, devices: list[str], limits: Limits, scratch: Path, sharing: GpuSharing = ALONE) -> None:
         self._limits, self._scratch = limits, scratch
         self._slots = []
         for number, device in enumerate(devices):
@@ -73,7 +75,7 @@ class Dispatcher:
             # one of several workers on the CPU has one core; nobody loads for it, whose memory could not be emptied
             threads = device != "cpu" or count == 1
             duty = Duty("warp_cloth.serve.answering", "answer", scratch, threads)
-            self._slots.append(WorkerSlot(device, 1.0 / count, 0, devices[:number].count(device), duty))
+            self._slots.append(WorkerSlot(device, 1.0 / count, 0, devices[:number].count(device), duty, sharing))
         self._queue: list[Waiting] = []
         self._fitting: dict[int, list[Waiting]] = {}  # by the slot's index
         self._lock = threading.Lock()
@@ -83,12 +85,13 @@ class Dispatcher:
         self._thread = threading.Thread(target=self._run, name="dispatcher", daemon=True)
 
     def start(self) -> None:
-        """Starts the first worker, and the thread.
+        """Starts the workers, and the thread.
 
         Raises:
             InputError: workers cannot start.
         """
-        self._slots[0].start()
+        for slot in self._slots:
+            slot.start()
         self._thread.start()
 
     def close(self) -> None:
@@ -185,11 +188,12 @@ class Dispatcher:
                 left, self._queue = self._queue, []
             for waiting in left:
                 waiting.answer(refused(HTTPStatus.SERVICE_UNAVAILABLE, "no device is left; start the service again"))
+        usable = sum(slot.usable for slot in self._slots)
         for index, slot in enumerate(self._slots):
             if slot.task is not None or not slot.usable:
                 continue
             with self._lock:
-                chosen = self._next(slot.device)
+                chosen = next_task(self._queue, slot.device, usable, self._limits.together)
                 if not chosen:
                     return
                 self._queue = [each for each in self._queue if each not in chosen]
@@ -197,23 +201,11 @@ class Dispatcher:
             try:
                 orders = tuple(each.order.written() for each in chosen)
                 lease = self._scratch / f"{slot.device.replace(':', '_')}.lease"
-                shares = slot.fraction < 1.0 and slot.device != "cpu"
-                slot.assign(OrderTask(orders, slot.device, slot.fraction, lease if shares else None))
+                slot.assign(OrderTask(orders, slot.device, slot.fraction, lease if slot.takes_turns else None))
             except OSError as error:
                 self._refuse(index, f"no room for files ({error.strerror}); ask again later")
             except InputError as error:
                 self._cannot_start(index, str(error))
-
-    def _next(self, device: str) -> list[Waiting]:
-        """The orders of the next task, oldest first: one on the CPU, which fits one after another anyway.
-
-        An order whose worker has died goes alone: it may be what killed it.
-        """
-        if not self._queue:
-            return []
-        if self._queue[0].tries or device == "cpu":
-            return self._queue[:1]
-        return [each for each in self._queue if not each.tries][: self._limits.together]
 
     def _receive(self) -> None:
         """Waits until a worker or a caller has something."""
@@ -280,3 +272,31 @@ class Dispatcher:
             task = self._fitting.pop(index, [])
         for waiting in task:
             waiting.answer(refused(HTTPStatus.SERVICE_UNAVAILABLE, reason))
+
+
+def next_task(waiting: Sequence[Waiting], device: str, workers: int, together: int) -> list[Waiting]:
+    """The orders of the next task: the oldest, others for its body, and on a GPU a fair share of the rest.
+
+    What is derived from a body is derived once for all orders of a task, and no worker is to be idle meanwhile. An
+    order whose worker has died goes alone: it may be what killed it.
+
+    Args:
+        waiting: all orders in the queue, the oldest first.
+        device: that fits them.
+        workers: that share the queue.
+        together: orders of a task at most.
+    """
+    if not waiting or waiting[0].tries:
+        return list(waiting[:1])
+    untried = [each for each in waiting if not each.tries]
+    bodies: dict[str, list[Waiting]] = {}
+    for each in untried:
+        bodies.setdefault(each.order.body, []).append(each)
+    chosen, *others = bodies.values()
+    if device == "cpu":
+        return chosen[:TOGETHER_ON_CPU]
+    for own in others:
+        if len(chosen) + len(own) > -(-len(untried) // workers):
+            break
+        chosen += own
+    return chosen[:together]

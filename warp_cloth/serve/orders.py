@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import hashlib
 import json
 import re
 import shutil
@@ -25,6 +26,9 @@ OWN = "own garment"
 SIMPLE = re.compile(r"[A-Za-z0-9-]{1,40}")  # names of sizes that a file can have, too
 
 
+Stated = tuple[str, tuple[str, ...]]  # a scene (empty: none but the changes), and changes of it
+
+
 @dataclass(frozen=True)
 class FileBytes:
     """A mesh file of a request, which exists in the order's folder while that is worked on."""
@@ -38,7 +42,8 @@ class Order:
     """What a worker needs to answer a request."""
 
     product: str
-    sizes: dict[str, tuple[str, tuple[str, ...]]]  # scene (empty: none but the changes) and changes of each
+    body: str  # equal for the same body: orders for it are fitted together
+    sizes: dict[str, Stated]
     files: tuple[FileBytes, ...]
     folder: Path  # of this order alone; removed once it is answered
     ease: float  # wanted [m]
@@ -99,15 +104,17 @@ def order_of(request: FitRequest, catalogue: dict[str, OfferedProduct], folder: 
     mesh_file, measures = request.body.mesh, request.body.measures
     if mesh_file is not None:
         body: dict[str, object] = {"mesh": _file(mesh_file, "body", "body.mesh", folder, files), **_stated(mesh_file)}
+        same_body = hashlib.sha256(files[-1].data).hexdigest()
     else:
         body = {"measures": measures.model_dump(exclude_none=True) if measures is not None else {}}
+        same_body = toml_text(body)
     sizes = {}
     for size, offer in chosen.items():
         changes = [*offer.changes, f"avatar={toml_text({**body, 'friction': offer.friction})}"]
         changes += [f"{key}.fabric={fabric}" for key in offer.garment_keys if fabric is not None]
         sizes[size] = offer.scene, tuple(changes)
     maps = chosen_maps(request.maps)
-    return Order(name, sizes, tuple(files), folder, 1e-2 * request.ease_cm, maps, request.glb)
+    return Order(name, same_body, sizes, tuple(files), folder, 1e-2 * request.ease_cm, maps, request.glb)
 
 
 def _own_offers(garments: dict[str, MeshFile], folder: Path, files: list[FileBytes]) -> dict[str, Offer]:

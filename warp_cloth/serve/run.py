@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.batch.gpu_sharing import shared_gpus
 from warp_cloth.batch.processes import start_forkserver
 from warp_cloth.batch.run import worker_devices
 from warp_cloth.serve.catalogue import read_catalogue
@@ -51,14 +52,15 @@ def serve(
     start_forkserver(device)  # while this process imports
     limits = limits or Limits()
     catalogue = read_catalogue(products)
-    devices = worker_devices(device, workers)
-    with _listening(host, port) as listener, _scratch() as scratch:
+    on_gpus = shared_gpus(device != "cpu" and workers != 1)
+    with _listening(host, port) as listener, _scratch() as scratch, on_gpus as sharing:
+        devices = worker_devices(device, workers, sharing)
         import uvicorn
 
         from warp_cloth.serve.app import Service, make_app
         from warp_cloth.serve.dispatcher import Dispatcher
 
-        dispatcher = Dispatcher(devices, limits, scratch)
+        dispatcher = Dispatcher(devices, limits, scratch, sharing)
         dispatcher.start()
         try:
             service = Service(catalogue, dispatcher, limits, scratch, ", ".join(dict.fromkeys(devices)))
