@@ -22,7 +22,7 @@ from warp_cloth.fitting.problem import load_problem
 from warp_cloth.garment.outfit import MeshCache, load_outfit
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.scene.predrape import FABRIC, FRICTION, ITERATIONS, predrape_scene_of
+from warp_cloth.scene.predrape import FABRIC_NAME, FRICTION, ITERATIONS, predrape_scene_of
 from warp_cloth.solver.loop import relax_items
 
 CLOTH = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "collision.cloth=false", "solver.iterations=400"]
@@ -48,7 +48,7 @@ def mixture() -> list[Scene]:
 def test_what_is_dressed_alike_differs_in_fabric_friction_and_goals_only() -> None:
     one, other = predrape_scene_of(draped("garment.fabric=silk")), predrape_scene_of(draped("avatar.friction=0.1"))
     assert one == other
-    assert one.garments[0].fabric.name == FABRIC
+    assert one.garments[0].fabric.name == FABRIC_NAME
     assert one.avatar.friction == FRICTION
     assert (one.solver.start, one.solver.iterations) == ("placed", ITERATIONS)
     assert predrape_scene_of(load_scene("sphere", CLOTH)) is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,13 @@ import pytest
 
 import warp_cloth
 from warp_cloth.batch import fit_many
+from warp_cloth.fitting import predrape
 from warp_cloth.fitting.problem import Problem
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.attempt import Attempt
-from warp_cloth.model.first_attempt import first_attempt, trial_attempt
+from warp_cloth.model.first_attempt import draped_trial, first_attempt, trial_attempt
 from warp_cloth.scene import Scene, load_scene
+from warp_cloth.scene.predrape import predrape_fabric
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import CALM
 
@@ -44,6 +47,64 @@ def test_what_crosses_begins_again_as_if_it_had_not_been_tried(monkeypatch: pyte
     assert (first["iterations"], first["cloth_contact"], first["chosen"]) == (100, False, False)
     assert others == contact.report["attempts"]
     assert np.array_equal(tried.garments[0].points, contact.garments[0].points)
+
+
+def crosses_in_its_own_fabric(self: Problem, items: list[int]) -> list[int]:
+    """All items that are sewn in silk or cotton."""
+    is_knit = self.scenes[0].garments[0].fabric == predrape_fabric()
+    return [] if is_knit or self.attempts[0].draped else list(items)
+
+
+def test_what_crosses_in_limp_cloth_though_it_began_sewn_starts_from_its_shape_in_a_knit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Problem, "crossing_items", crosses_in_its_own_fabric)
+    tried = shirt("garment.fabric=silk")
+    first, second = tried.report["attempts"]
+    assert (first["start"], first["iterations"], first["chosen"]) == ("placed", 100, False)
+    assert (second["start"], second["cloth_contact"], second["chosen"]) == ("dressed", False, True)
+    assert tried.worn
+    chosen = {each["key"]: each["value"] for each in tried.report["choices"]}
+    assert chosen["solver.start"] == "dressed"
+
+
+def test_that_start_is_made_once_for_all_fabrics_with_the_bits_of_each_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Problem, "crossing_items", crosses_in_its_own_fabric)
+    made: list[str] = []
+
+    def draped(*given: Any) -> Any:
+        made.append("")
+        return kept(*given)
+
+    kept = predrape._draped
+    monkeypatch.setattr(predrape, "_draped", draped)
+    scenes = [load_scene("tshirt", [*SMALL_SHIRT, f"garment.fabric={fabric}"]) for fabric in ("silk", "cotton")]
+    together = fit_many(scenes, "cpu", together=2)
+    assert len(made) == 1
+    for alone, one in zip(scenes, together, strict=True):
+        assert np.array_equal(warp_cloth.fit(alone, device="cpu").garments[0].points, one.garments[0].points)
+
+
+def test_what_crosses_in_the_knit_too_begins_again_with_contact(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Problem, "crossing_items", lambda self, items: list(items))
+    tried, contact = shirt("garment.fabric=silk"), shirt("garment.fabric=silk", "collision.cloth=true")
+    assert tried.report["attempts"][1:] == contact.report["attempts"]
+    assert np.array_equal(tried.garments[0].points, contact.garments[0].points)
+
+
+def test_panels_far_apart_and_knits_do_not_start_so() -> None:
+    scene = load_scene("tshirt", [*SMALL_SHIRT, "garment.fabric=silk"])
+    outfit = load_outfit(scene)
+    trial = trial_of(scene)
+    assert trial is not None
+    assert draped_trial(trial, outfit) is not None
+    (garment,) = outfit.garments
+    apart = replace(outfit, garments=(replace(garment, points=garment.points * [1.0, 1.0, 4.0]),))
+    assert draped_trial(trial, apart) is None
+    knit = load_scene("tshirt", SMALL_SHIRT)
+    trial = trial_of(knit)
+    assert trial is not None
+    assert draped_trial(trial, outfit) is None
 
 
 def test_tried_in_company_they_have_the_bits_of_each_alone() -> None:

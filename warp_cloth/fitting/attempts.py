@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from warp_cloth.fitting.placement import LimbPlacement
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, usual_first_attempt
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.attempt import TORN, Attempt, CutShort, Ended, best_of
+from warp_cloth.model.first_attempt import draped_trial
 from warp_cloth.model.next_attempt import is_locked, next_attempt
 from warp_cloth.model.result import AttemptRun, LevelRun, Status
 from warp_cloth.solver.certificate.certifier import Measurement
@@ -80,7 +81,7 @@ class Course:
     """An item's attempts, and the best of them."""
 
     runs: tuple[Run, ...]
-    trial: Run | None = None  # that came before, and is none of them
+    trials: tuple[Run, ...] = ()  # that came before, and are none of them
 
     @property
     def best(self) -> Run:
@@ -90,11 +91,7 @@ class Course:
     @property
     def seconds(self) -> float:
         """Of relaxing, in all attempts."""
-        return sum(run.outcome.seconds for run in self._all)
-
-    @property
-    def _all(self) -> tuple[Run, ...]:
-        return self.runs if self.trial is None else (self.trial, *self.runs)
+        return sum(run.outcome.seconds for run in (*self.trials, *self.runs))
 
     def summary(self) -> list[AttemptRun]:
         """The attempts, for the report."""
@@ -109,7 +106,7 @@ class Course:
                 start=run.attempt.start,
                 chosen=run is best,
             )
-            for run in self._all
+            for run in (*self.trials, *self.runs)
         ]
 
 
@@ -181,8 +178,11 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         clock: of the stages.
     """
     device, outfit = first.problem.model.device, first.problem.loaded[first.item]
-    trial = first if first.attempt.trial and not first.ended.good else None
-    runs = [first] if trial is None else []
+    trials: list[Run] = []
+    runs: list[Run] = []
+
+    def note(run: Run) -> None:
+        (trials if run.attempt.trial and not run.ended.good else runs).append(run)
 
     @functools.cache
     def locked() -> bool:
@@ -190,13 +190,22 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         own = zip(modelled_crossings(outfit, device), outfit.meshes, strict=True)
         return any(is_locked(crossings.pairs, mesh.vertex_count) for crossings, mesh in own)
 
+    def after_trial() -> Iterator[Attempt]:
+        draped = draped_trial(first.attempt, outfit) if first.outcome.cut_short is CutShort.CROSSING else None
+        if draped is not None:
+            yield draped
+        yield usual_first_attempt(first.attempt.stated, outfit, device, cache)
+
+    others = after_trial()
+
     def following() -> Attempt | None:
         if not runs:
-            return usual_first_attempt(first.attempt.stated, outfit, device, cache)
+            return next(others)
         ended = [run.ended for run in runs]
         crossing = any(each.crossings for each in ended) and not all(each.good for each in ended)
         return next_attempt(ended, outfit, locked=crossing and locked())
 
+    note(first)
     while (attempt := following()) is not None:
         worn_by = outfit if attempt.begins_after is None else _worn_after(runs[attempt.begins_after], attempt.paddings)
         problem = build_problem([attempt], [worn_by], device, cache=cache, clock=clock)
@@ -206,12 +215,14 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
             problem.place(before.outcome.points, before.problem.contacts[before.item])
         if attempt.begins_after is None or attempt.thins:
             levels = begin(problem)
+        if attempt.draped and any(level.status is not Status.AT_REST for level in levels):
+            continue  # it crosses in a knit, too
         clock.begin("relax")
         outcome = relax(problem)
         clock.lap("relax")
-        runs += finished_runs(problem, [outcome], [levels])
+        note(*finished_runs(problem, [outcome], [levels]))
         clock.lap("measure")
-    return Course(tuple(runs), trial)
+    return Course(tuple(runs), tuple(trials))
 
 
 def _worn_after(run: Run, paddings: int) -> Outfit:

@@ -18,9 +18,8 @@ from warp_cloth.base.mesh import Points
 from warp_cloth.fitting.dresser import GROWING_STEPS, STEPS, Dresser, PosedStart
 from warp_cloth.fitting.film import Dressing
 from warp_cloth.fitting.problem import Problem
-from warp_cloth.garment.garment import Garment
+from warp_cloth.garment.garment import garments_in
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.garment.rest import in_another_fabric
 from warp_cloth.model.result import LevelRun
 from warp_cloth.scene import Scene
 from warp_cloth.scene.sewing import FABRIC, SLOW_MOMENTUM
@@ -68,7 +67,7 @@ def start_thinned(problem: Problem, cache: Cache, clock: StageClock) -> tuple[Le
     body is thinned within the garments, the cloth untangles as the light sheet that is sewn, and the body grows again.
     """
     (scene,), (outfit,), worn = problem.scenes, problem.loaded, problem.model.points()
-    sewn = replace(outfit, garments=_sewn_garments(outfit.garments, cache), predrape_garments=())
+    sewn = replace(outfit, garments=garments_in(FABRIC, outfit.garments, cache), predrape_garments=())
     whole = _Lone(scene, sewn, str(problem.model.device), OFFSET, clock)
     start = _untangled(whole, worn)
     return _placed(problem, [start if start.points is not None else replace(start, points=worn)], clock)
@@ -81,23 +80,12 @@ def _lone(problem: Problem, index: int, cache: Cache, clock: StageClock) -> _Lon
     lone = replace(
         outfit,
         meshes=outfit.meshes[one],
-        garments=_sewn_garments(outfit.garments[one], cache),
+        garments=garments_in(FABRIC, outfit.garments[one], cache),
         wearing=outfit.wearing[one],
         predrape_garments=(),
     )
     alone = scene.model_copy(update={"garments": scene.garments[one]})
     return _Lone(alone, lone, str(problem.model.device), OFFSET + index * LAYER, clock)
-
-
-def _sewn_garments(garments: Sequence[Garment], cache: Cache) -> tuple[Garment, ...]:
-    """The garments in the fabric that is sewn, whose constants are the same on every body and in every attempt."""
-
-    def sewn(garment: Garment) -> Garment:
-        rest = garment.rest
-        make = partial(in_another_fabric, rest, len(garment.points), FABRIC)
-        return replace(garment, rest=cache.get_or_make("sewn", (rest.topology, rest.edge_length), make))
-
-    return tuple(map(sewn, garments))
 
 
 def _placed(problem: Problem, starts: Sequence[PosedStart], clock: StageClock) -> tuple[LevelRun, ...]:

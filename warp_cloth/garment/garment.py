@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Indices, Points
-from warp_cloth.garment.rest import RestShape
+from warp_cloth.garment.rest import RestShape, in_another_fabric
 from warp_cloth.kernels.base.options import Terms
+from warp_cloth.material.fabric import Fabric
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,3 +45,19 @@ class Garment:
 def terms_of(garments: Sequence[Garment]) -> Terms:
     """The terms of the model that act in any of these garments."""
     return Terms(*(any(each) for each in zip(*(garment.terms for garment in garments), strict=True)))
+
+
+def garments_in(fabric: Fabric, garments: Sequence[Garment], cache: Cache) -> tuple[Garment, ...]:
+    """The garments in this fabric; what follows from cut and fabric is kept in ``cache``, for every body and attempt.
+
+    Raises:
+        ValueError: the panels of a garment are not known.
+    """
+
+    def within(garment: Garment) -> Garment:
+        rest = garment.rest
+        make = partial(in_another_fabric, rest, len(garment.points), fabric)
+        sources = rest.topology, rest.edge_length
+        return replace(garment, rest=cache.get_or_make("in another fabric", sources, make, fabric))
+
+    return tuple(map(within, garments))

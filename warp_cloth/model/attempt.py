@@ -49,6 +49,7 @@ class Attempt:
     slides: int = 0  # which of SLIDES without friction over the avatar this is, from 1; 0: none
     thins: bool = False  # whether the avatar is thinned within what it begins after, which is untangled there
     lifted: bool = False  # whether a posed start moves what is sewn to where it started at once, not pulled on
+    draped: bool = False  # whether it starts from the rest shape in the fabric of a predrape
     trial: bool = False  # whether it sews without contact; unless it ends well, the others begin as if it had not been
 
     @property
@@ -61,6 +62,8 @@ class Attempt:
         """Where it starts, for the report."""
         if self.posed:
             return "posed"
+        if self.draped:
+            return "dressed"
         return "placed" if self.begins_after is None else "earlier attempt"
 
     @property

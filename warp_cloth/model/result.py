@@ -92,7 +92,7 @@ class AttemptRun:
     iterations: int
     status: Status
     crossings: int  # pairs of triangles that pass through each other
-    start: str = "placed"  # "placed", "posed" (round the avatar within the garment), "earlier attempt"
+    start: str = "placed"  # "placed", "dressed", "posed" (round the avatar within the garment), "earlier attempt"
     chosen: bool = False  # whether its shape is the result
 
 

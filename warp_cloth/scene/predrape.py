@@ -9,19 +9,26 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from warp_cloth.material.fabric import resolve_fabric
+from warp_cloth.material.fabric import Fabric, resolve_fabric
 from warp_cloth.scene.schema import Scene, SolverSpec
 
-FABRIC = "jersey"  # it stretches, and so comes to rest sooner than woven fabrics
+FABRIC_NAME = "jersey"  # it stretches, and so comes to rest sooner than woven fabrics
 FRICTION = 0.5  # of cloth on skin
 ITERATIONS = 8000  # limit; a start from a shape that is not at rest saves less
 
 
+def predrape_fabric() -> Fabric:
+    return resolve_fabric(FABRIC_NAME, Path())
+
+
 def predrape_scene_of(scene: Scene) -> Scene | None:
     """The scene of the predrape; None if the garments start as placed."""
-    if scene.solver.start != "dressed":
-        return None
-    fabric = resolve_fabric(FABRIC, Path())
+    return draping_scene_of(scene) if scene.solver.start == "dressed" else None
+
+
+def draping_scene_of(scene: Scene) -> Scene:
+    """The scene in the fabric of a predrape, from where its garments are placed, without contact of cloth."""
+    fabric = predrape_fabric()
     avatar = scene.avatar
     return scene.model_copy(
         update={
