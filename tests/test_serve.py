@@ -9,11 +9,12 @@ import signal
 import socket
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -112,8 +113,30 @@ def test_a_garment_of_ones_own_needs_no_catalogue(service: Running) -> None:
     status, answer = service.post(request)
     assert status == 200, answer
     assert [(each["size"], each["worn"]) for each in answer["sizes"]] == [("only", True), ("../none", False)]
-    assert answer["sizes"][1]["message"].startswith("garment_1.obj:1: ")
+    assert answer["sizes"][1]["message"].startswith("garment_number_1.obj:1: ")
     assert answer["recommended"] == "only"
+
+
+def test_a_size_that_is_named_like_anothers_place_keeps_its_own_garment(service: Running) -> None:
+    garments = {"1": mesh_file(square_cloth()), "größer": mesh_file(square_cloth(0.4))}
+    request = {"garments": garments, "fabric": "jersey", "body": {"mesh": mesh_file(ball(0.25))}}
+    together = digests(service.post(request)[1])
+    for size in garments:
+        alone = service.post({**request, "sizes": [size]})[1]
+        assert digests(alone) == {size: together[size]}
+    assert together["1"] != together["größer"]
+
+
+@pytest.mark.parametrize(
+    "written", [lambda data: "data:model/obj;base64," + data, lambda data: "\r\n".join(wrap(data, 76))]
+)
+def test_base64_may_be_as_browsers_and_shells_write_it(service: Running, written: Callable[[str], str]) -> None:
+    body = mesh_file(ball(0.25))
+    request = {"product": "cloth", "sizes": ["S"], "body": {"mesh": body}}
+    plain = service.post(request)[1]
+    status, answer = service.post({**request, "body": {"mesh": {**body, "data": written(str(body["data"]))}}})
+    assert status == 200, answer
+    assert digests(answer) == digests(plain)
 
 
 BODY = {"mesh": mesh_file(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")}
@@ -132,6 +155,11 @@ BODY = {"mesh": mesh_file(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")}
         ({"product": 5, "body": BODY}, 422, "product: must be a string, not 5"),
         ({"body": BODY}, 422, "either product or garments"),
         ({"garments": {str(n): mesh_file(b"v") for n in range(17)}, "body": BODY}, 422, "garments"),
+        ({"garments": {"m": mesh_file(b"v"), "M": mesh_file(b"v")}, "body": BODY}, 422, "differ by case alone"),
+        ({"garments": {"M": {**mesh_file(b"v"), "format": "json"}}, "body": BODY}, 422, 'format: must be one of "obj"'),
+        ({"product": "x" * 300, "body": BODY}, 422, "product: has 300 letters; at most 200"),
+        ({"product": "cloth", "body": BODY, "maps": ["gap"] * 17}, 422, "maps: has 17 entries; at most 16"),
+        (None, 422, "must be a table, not null"),
         ({"product": "cloth", "body": {}}, 422, "either mesh or measures"),
         ({"product": "cloth", "body": {"measures": {"chest": 1e300}}}, 422, "from 0.7 to 1.5"),
         (b'{"product": "cloth", "body": {"measures": {"chest": NaN}}}', 422, "chest"),

@@ -31,6 +31,8 @@ def show(value: Any) -> str:
         return "true" if value else "false"
     if isinstance(value, Mapping):
         return "a table"
+    if value is None:  # of JSON and of Python: TOML has none
+        return "null"
     try:
         text = str(list(value)) if isinstance(value, tuple) else str(value)
     except ValueError:  # an integer with more digits than Python converts
@@ -93,8 +95,11 @@ def _describe(
         return f"unknown key {key}", " ".join(filter(None, (close, f"allowed there: {', '.join(keys)}")))
     if kind == "missing":
         return "is missing", f"give {allowed}" if allowed else ""
-    if kind == "too_short" and not value:
+    if kind in ("too_short", "string_too_short") and not value:
         return "is empty", f"give {allowed}" if allowed else "give at least one"
+    if kind in ("too_long", "string_too_long"):
+        unit = "letters" if isinstance(value, str) else "entries"
+        return f"has {len(value):,} {unit}; at most {context['max_length']} are taken", ""
     if kind == "union_tag_not_found":
         return "is missing", f"give one of {_tags(context)}"
     if kind == "union_tag_invalid":
@@ -136,8 +141,9 @@ def _look_up(model: type[BaseModel], location: Location, many_garments: bool) ->
             tables = chosen
             continue
         named, _ = bare_annotation(annotation)
-        if get_origin(named) is Mapping:
+        if get_origin(named) in (Mapping, dict):
             annotation, metadata = bare_annotation(get_args(named)[1])
+            tables = _tables(annotation)
             key, allowed = f"{key}.{part}", _allowed(annotation, metadata)
             continue
         keys = tuple(name for table in tables for name in _fields(table))

@@ -120,9 +120,14 @@ def order_of(request: FitRequest, catalogue: dict[str, OfferedProduct], folder: 
 def _own_offers(garments: dict[str, MeshFile], folder: Path, files: list[FileBytes]) -> dict[str, Offer]:
     """The sizes of a garment that came with its request."""
     friction = AvatarSpec.model_fields["friction"].default
-    offers = {}
+    offers: dict[str, Offer] = {}
     for number, (size, mesh) in enumerate(garments.items()):
-        stem = f"garment_{size if SIMPLE.fullmatch(size) else number}"
+        alike = next((each for each in offers if each.casefold() == size.casefold()), None)
+        if alike is not None:  # sizes are chosen by name whatever its case, and files may be told apart likewise
+            problem = f"sizes {show(alike)} and {show(size)} differ by case alone"
+            raise InputError("request: garments", problem, "name them otherwise")
+        # "_" is in no simple name, so the file is that of no other size, such as one that is named by a number
+        stem = f"garment_{size}" if SIMPLE.fullmatch(size) else f"garment_number_{number}"
         keys = {"mesh": _file(mesh, stem, f"garments.{size}", folder, files), **_stated(mesh)}
         offers[size] = Offer("", (f"garment={toml_text(keys)}",), ("garment",), friction)
     return offers
@@ -136,13 +141,20 @@ def _stated(mesh: MeshFile) -> dict[str, str]:
 def _file(mesh: MeshFile, stem: str, key: str, folder: Path, files: list[FileBytes]) -> str:
     """The path that a mesh of a request will have."""
     try:
-        data = base64.b64decode(mesh.data, validate=True)
+        data = base64.b64decode(_plain_base64(mesh.data), validate=True)
     except (binascii.Error, ValueError):
         raise InputError(f"request: {key}.data", "is not base64", "encode the file's bytes") from None
     if mesh.format == "glb" and _names_files(data):
         raise InputError(f"request: {key}.data", "names another file", "export a .glb that holds all of its data")
     files.append(FileBytes(f"{stem}.{mesh.format}", data))
     return str(folder / files[-1].name)
+
+
+def _plain_base64(text: str) -> str:
+    """Base64 without the lines that ``base64 FILE`` breaks it into, and without the head of a browser's data URL."""
+    if text.startswith("data:"):
+        text = text.partition(",")[2]
+    return "".join(text.split())
 
 
 def _names_files(data: bytes) -> bool:
