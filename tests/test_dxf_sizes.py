@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 from dxf_patterns import GRADES, Style, tshirt, write
+from dxf_programs import CM, outline
+from dxf_rooms import Blocks
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch.jobs import read_jobs
 from warp_cloth.batch.sizes import fit_sizes
+from warp_cloth.pattern import read_drafted
 from warp_cloth.scene import load_scene
 
 SCENE = """
@@ -67,3 +70,35 @@ def test_a_product_of_patterns_takes_their_sizes(folder: Path) -> None:
     jobs = folder / "folder.toml"
     jobs.write_text('scene = "tshirt"\n[product]\ngarments = ["*.dxf"]\nsizes = ["M"]\n')
     assert {"garment.size=M" in item.changes for item in read_jobs(jobs)} == {True}
+
+
+def blocks_of(path: Path, name: str, *, states_names: bool) -> Path:
+    """Three sizes in blocks of these names, where nothing else states a size."""
+    out = Blocks(CM)
+    for size, grade in (("38", -1.0), ("40", 0.0), ("42", 1.0)):
+        for piece in tshirt(grade):
+            texts = [f"Piece Name: {piece.name}"] if states_names else []
+            out.begin(name.format(piece=piece.name, size=size), [*texts, f"Quantity: {piece.quantity}"])
+            out.polyline(outline(piece), 1, closed=True)
+            out.end_block(piece)
+    return out.finish(path)
+
+
+@pytest.mark.parametrize("states_names", [True, False])
+@pytest.mark.parametrize("name", ["{piece}-{size}", "{piece}@{size}", "{size}-{piece}", "{piece} ({size})"])
+def test_names_of_blocks_state_sizes(name: str, states_names: bool, tmp_path: Path) -> None:
+    """Before, they were numbered 1 to 3 where texts state the names, and not told apart where numbers come first."""
+    draft = read_drafted(blocks_of(tmp_path / "shirt.dxf", name, states_names=states_names))
+    assert draft.sizes == ("38", "40", "42")
+    assert draft.size == "40"
+    assert {part.name for part in draft.parts} == {"FRONT", "BACK", "SLEEVE", "SLEEVE mirrored", "NECKBAND"}
+
+
+def test_left_and_right_in_names_of_blocks_are_no_sizes(tmp_path: Path) -> None:
+    out = Blocks(CM)
+    for piece in tshirt():
+        for side in ("L", "R") if piece.name == "SLEEVE" else ("1",):
+            out.begin(f"{piece.name}-{side}", [f"Piece Name: {piece.name}", "Quantity: 1"])
+            out.polyline(outline(piece), 1, closed=True)
+            out.end_block(piece)
+    assert read_drafted(out.finish(tmp_path / "shirt.dxf")).sizes == ()

@@ -12,13 +12,15 @@ from warp_cloth.pattern.piece import Piece
 
 SIZES = ("XXXS", "XXS", "XS", "S", "M", "L", "XL", "XXL", "XXXL", "2XL", "3XL", "4XL", "5XL", "6XL")
 GROWN = 0.003  # relative, by which areas of all pieces in two sizes differ at least
-_FIRST = re.compile(r"^([A-Za-z0-9]{1,4})\s*[-_ .]\s*(.*\S)$")  # a size, then a name
+_FIRST = re.compile(r"^([A-Za-z0-9]{1,4})[\W_]+(.*\S)$")  # a size, then a name
+_LAST = re.compile(r"^(.*[^\W_])[\W_]+([A-Za-z0-9]{1,4})\W?$")  # a name, then a size
+_SMALLEST = 3  # numbers up to it count pieces and are no sizes
 
 
 def sized(pieces: Sequence[Piece]) -> list[Piece]:
     """The pieces with sizes that only their names state ("FRONT-M"), where names so end in sizes."""
-    ends = [re.match(r"^(.*\S)\s*[-_ .(]\s*([A-Za-z0-9]{1,4})\)?$", piece.name) for piece in pieces]
-    firsts = {found[1].upper() for piece in pieces if (found := _FIRST.match(piece.name))}
+    ends = [_LAST.match(piece.name) for piece in pieces]
+    firsts = [found for piece in pieces if (found := _FIRST.match(piece.name))]
     out = []
     for piece, found in zip(pieces, ends, strict=True):
         if found is None:
@@ -30,20 +32,44 @@ def sized(pieces: Sequence[Piece]) -> list[Piece]:
         else:
             of_stem = [each[2].upper() for each in ends if each is not None and each[1] == stem]
             others = len(of_stem)
-            named = (size.upper() in SIZES and "R" not in of_stem) or (size.isdigit() and int(size) > 3 and others > 1)
+            named = (size.upper() in SIZES and "R" not in of_stem) or (_is_number(size) and others > 1)
         if not named and not piece.size:
             piece = _size_first(piece, firsts)
         out.append(replace(piece, name=stem, size=size) if named else piece)
     return out
 
 
-def _size_first(piece: Piece, firsts: set[str]) -> Piece:
-    """A piece whose name begins with its size ("M_FRONT"), where others begin with others."""
+def _is_number(size: str) -> bool:
+    return size.isdigit() and int(size) > _SMALLEST
+
+
+def _size_first(piece: Piece, firsts: Sequence[re.Match[str]]) -> Piece:
+    """A piece whose name begins with its size ("M_FRONT", "38-FRONT"), where others begin with others."""
     found = _FIRST.match(piece.name)
-    sizes = firsts.intersection(SIZES)
-    if found is None or found[1].upper() not in sizes or len(sizes) < 2 or sizes <= {"L", "R"}:
+    if found is None:
         return piece
-    return replace(piece, name=found[2], size=found[1].upper())
+    size = found[1].upper()
+    letters = {each[1].upper() for each in firsts}.intersection(SIZES)
+    numbers = {each[1] for each in firsts if each[2] == found[2] and _is_number(each[1])}
+    by_letter = size in letters and len(letters) > 1 and not letters <= {"L", "R"}
+    return replace(piece, name=found[2], size=size) if by_letter or (size in numbers and len(numbers) > 1) else piece
+
+
+def sized_by_blocks(pieces: Sequence[Piece], blocks: Sequence[str]) -> list[Piece]:
+    """The pieces with the sizes that only the names of their blocks state ("FRONT-38" of the piece "FRONT").
+
+    ``blocks`` has a name for each piece. They state sizes where all pieces that come several times come in the same
+    ones; running numbers of blocks do not.
+    """
+    told = sized([replace(piece, name=block) for piece, block in zip(pieces, blocks, strict=True)])
+    sizes: dict[str, list[str]] = {}
+    for piece, other in zip(pieces, told, strict=True):
+        sizes.setdefault(piece.name, []).append(other.size)
+    several = {tuple(sorted(own)) for own in sizes.values() if len(own) > 1}
+    of_each = next(iter(several), ())
+    if any(piece.size for piece in pieces) or len(several) != 1 or len(set(of_each)) < len(of_each):
+        return list(pieces)
+    return [replace(piece, size=other.size) for piece, other in zip(pieces, told, strict=True)]
 
 
 def rank(size: str) -> tuple[float, str]:

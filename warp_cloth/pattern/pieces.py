@@ -19,13 +19,13 @@ from warp_cloth.pattern.grade_table import GradeTable
 from warp_cloth.pattern.grading import graded
 from warp_cloth.pattern.inner_sew_lines import with_inner_sew_lines
 from warp_cloth.pattern.kinds import Named, named_all
-from warp_cloth.pattern.labels import ON_FOLD, PLEATED, copies_of, name_of, size_of
+from warp_cloth.pattern.labels import ON_FOLD, PLEATED, copies_of, name_of, plain_text, size_of
 from warp_cloth.pattern.lattice import inside
 from warp_cloth.pattern.loops import area_of, smoothed
 from warp_cloth.pattern.marks import NO_POINTS, carried, corners_of, marks_of, notches_of, with_cut_notches
 from warp_cloth.pattern.nests import unnested, without_shadows
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.piece_sizes import numbered, sized
+from warp_cloth.pattern.piece_sizes import numbered, sized, sized_by_blocks
 from warp_cloth.pattern.sewn_line import SewnLine, closed_loops, sewn_line
 from warp_cloth.pattern.specification import MOST_EDGES, SMALLEST, short
 
@@ -79,7 +79,8 @@ def pieces_of(
         darted = name_of(drawn) not in undarted
         pieces.append(_piece(file, drawn, loop, copies_of(drawn, texts), every[marked], loops[marked], metres, darted))
         abouts.append([texts.get(key) or texts.get(other, "") for key, other in ABOUT])
-    pieces, counted = numbered(sized(pieces))
+    by_names = sized_by_blocks(sized(pieces), [plain_text(drawn.block) for drawn in every])
+    pieces, counted = numbered(by_names)
     kinds = named_all([(piece.name, *about) for piece, about in zip(pieces, abouts, strict=True)])
     found = tuple(replace(piece, what=what) for piece, what in zip(pieces, kinds, strict=True))
     return found, [*told, *lined, *nested, *counted]
