@@ -167,6 +167,17 @@ def test_a_scan_with_holes_as_the_garment_is_told(scan: Path) -> None:
         load_outfit(load_scene("scan.obj", on="cloth.obj"))
 
 
+def test_a_body_beside_the_garment_is_told(folder: Path) -> None:
+    """Programs export both as one file; before, both were cloth, and the fit went on for minutes."""
+    points, triangles = sheet(height=1.0, toward=0.4)
+    body = mannequin(MannequinMeasures())
+    soles = body.points[body.triangles].max(axis=1)[:, 1] < 0.02  # not scanned
+    faces = np.concatenate([triangles, body.triangles[~soles] + len(points)])
+    write_obj(folder / "both.obj", np.concatenate([points, body.points]), faces)
+    with pytest.raises(InputError, match=r'"both" holds a body, too: .*; export the garment alone, or'):
+        load_outfit(load_scene("both.obj", on="mannequin", overrides={"garment.units": "m"}))
+
+
 def test_a_scan_measures_the_same_in_a_fit_and_by_itself(scan: Path) -> None:
     outfit = load_outfit(load_scene("cloth.obj", on="scan.obj", overrides={"avatar.units": "m"}))
     assert outfit.avatar is not None

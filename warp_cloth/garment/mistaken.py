@@ -1,12 +1,13 @@
-"""A body that was given as a garment, perhaps with the garment as the body."""
+"""A body that was given as a garment, or in its file, perhaps with the garment as the body."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
+from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
@@ -17,12 +18,15 @@ SOLID = 0.005
 # Length of all rims over the root of the area: 2.2 in a T-shirt, 0.4 in a body whose feet were not scanned, 1.7 in a
 # scan with eight holes of 6 cm.
 OPEN = 1.0
+TALL = 0.5  # of the whole: lower parts, such as buttons and shoes, are not looked at
 
 
 def refuse_bodies(
     garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None, find_skeleton: Callable[[], Skeleton | None]
 ) -> None:
     """Refuses a person's body as a garment: a closed one, and a scan with holes whose wearer looks like a garment.
+
+    Refuses one beside the garment in its mesh, too, as programs export it that hold both: it would be fitted as cloth.
 
     Args:
         garments: scene key ("garment", "garment[1]") and mesh of each.
@@ -36,13 +40,35 @@ def refuse_bodies(
         is_closed = CLOSED in garment.notes
         # a person may wear an overall with a hood, which has limbs, too
         may_be_body = is_closed or (avatar is not None and find_skeleton() is None and _rims(avatar) > OPEN)
-        if not (may_be_body and _is_solid(garment) and skeleton_of(garment) is not None):
-            continue
-        problem = f"is a body: a {'closed ' if is_closed else ''}surface with a head, arms and legs"
-        remedy = "give the mesh of the garment"
-        if avatar is not None and _rims(avatar) > OPEN:
-            remedy = f'exchange it and "{avatar.name}", which is open'
-        raise InputError(key, f'"{garment.name}" {problem}', remedy)
+        if may_be_body and _is_solid(garment) and skeleton_of(garment) is not None:
+            problem = f"is a body: a {'closed ' if is_closed else ''}surface with a head, arms and legs"
+            remedy = "give the mesh of the garment"
+            if avatar is not None and _rims(avatar) > OPEN:
+                remedy = f'exchange it and "{avatar.name}", which is open'
+            raise InputError(key, f'"{garment.name}" {problem}', remedy)
+        if any(_is_body(part) for part in _tall_parts(garment)):
+            problem = f'"{garment.name}" holds a body, too: a surface with a head, arms and legs'
+            remedy = f"export the garment alone, or name its mesh by {key}.prim (in .glb and USD files)"
+            raise InputError(key, problem, remedy)
+
+
+def _tall_parts(mesh: Mesh) -> Iterator[Mesh]:
+    """The connected parts of a mesh that has several, but for low ones."""
+    a, b, c = mesh.triangles.T
+    part = connected_components(mesh.vertex_count, np.concatenate([a, b]), np.concatenate([b, c]))[a]
+    first = np.unique(part)
+    if len(first) == 1:
+        return
+    least = TALL * float(np.ptp(mesh.points, axis=0).max())
+    for number in first:
+        used, triangles = np.unique(mesh.triangles[part == number], return_inverse=True)
+        points = mesh.points[used]
+        if float(np.ptp(points, axis=0).max()) >= least:
+            yield Mesh(mesh.name, points, triangles.reshape(-1, 3).astype(np.int32))
+
+
+def _is_body(part: Mesh) -> bool:
+    return _is_solid(part) and _rims(part) < OPEN and skeleton_of(part) is not None
 
 
 def _is_solid(mesh: Mesh) -> bool:
