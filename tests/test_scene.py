@@ -167,6 +167,13 @@ def test_garments_of_the_same_file_get_names_of_their_own(tmp_path: Path) -> Non
     assert [garment.name for garment in load_scene({"garment": twice}).garments] == ["shirt", "shirt_2"]
 
 
+def test_meshes_of_one_file_are_named_as_there() -> None:
+    """Before, they were "suit" and "suit_2", in the report, on the stage and in a .glb."""
+    parts = [{"mesh": "suit.glb", "prim": prim} for prim in ("Jacket", "/World/Trousers", "/World/Trousers", "..")]
+    names = [garment.name for garment in load_scene({"garment": parts}).garments]
+    assert names == ["Jacket", "Trousers", "Trousers_2", "suit"]
+
+
 def test_a_scene_is_frozen() -> None:
     with pytest.raises(ValidationError):
         load_scene("tshirt").solver.iterations = 3  # type: ignore[misc]

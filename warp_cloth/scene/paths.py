@@ -48,9 +48,14 @@ def file_stem(path: Path | None) -> str:
     return stem.removesuffix(SPECIFICATION) or stem
 
 
+def is_name(value: str) -> bool:
+    """Whether a file can have the name."""
+    return re.fullmatch(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}", value) is not None
+
+
 def checked_name(value: str) -> str:
     """The name, if a file can have it."""
-    if not re.fullmatch(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}", value):
+    if not is_name(value):
         raise refusal(
             f"{show(value)} cannot be a file name",
             "use 1 to 100 characters, without slashes, not starting with a dot",

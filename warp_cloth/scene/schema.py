@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from warp_cloth.scene.messages import refusal, show
-from warp_cloth.scene.paths import checked_name, file_stem
+from warp_cloth.scene.paths import checked_name, file_stem, is_name
 from warp_cloth.scene.shapes import Integer, Real, Table
 from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.scene.wearables import AvatarSpec, GarmentSpec
@@ -170,7 +170,7 @@ class Scene(Table):
             raise refusal(f"two garments have the same name, {show(twice[0])}", "give each a name of its own")
         named = []
         for garment in garments:
-            name = stem = garment.name or (garment.shape.kind if garment.shape else file_stem(garment.file))
+            name = stem = garment.name or _default_name(garment)
             count = 1
             while not garment.name and name in taken:
                 count += 1
@@ -239,3 +239,11 @@ class Scene(Table):
     def settings(self) -> dict[str, Any]:
         """Every value used, defaults included, as plain JSON values; ``garment`` is always a list."""
         return self.model_dump(mode="json", by_alias=True)
+
+
+def _default_name(garment: GarmentSpec) -> str:
+    """As its author named it: by its prim, which tells two meshes of one file apart, else by its file."""
+    if garment.shape is not None:
+        return garment.shape.kind
+    prim = (garment.prim or "").rpartition("/")[2]
+    return prim if is_name(prim) else file_stem(garment.file)

@@ -149,7 +149,7 @@ class Wearable(Table):
 class GarmentSpec(Wearable):
     """One garment: its mesh or shape, rest shape, fabric and pins."""
 
-    name: str = Field(default="", description="Name in stage and report; by default that of the file or shape.")
+    name: str = Field(default="", description="Name in stage and report; by default that of prim, file or shape.")
     shape: GarmentShape | None = Field(default=None, description="A generated garment instead of a mesh; keys below.")
     pattern: Path | None = Field(
         default=None,
