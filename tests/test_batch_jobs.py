@@ -191,12 +191,21 @@ def test_a_row_that_states_its_garment_needs_no_scene(tmp_path: Path) -> None:
     assert bare.problem.startswith("the row names no scene")
 
 
+@pytest.mark.parametrize("text", ["name,scene,,\na,hanging,,\n", ",name,scene\n0,a,hanging\n"])
+def test_columns_of_spreadsheets_and_data_frames_without_a_name_are_left_out(tmp_path: Path, text: str) -> None:
+    """Empty ones at the end of rows, and row numbers as pandas writes them by default."""
+    (item,) = read_jobs(write(tmp_path, "jobs.csv", text))
+    assert (item.name, item.problem, item.columns) == ("a", "", {"scene": "hanging"})
+
+
 @pytest.mark.parametrize(
     ("name", "text", "told"),
     [
         ("jobs.csv", "name,scene\na,hanging\na,sphere\n", 'two items have the name "a"'),
         ("jobs.csv", "name,fabric\na,silk\n", 'has no column "scene"'),
         ("jobs.csv", "name,scene,scene\na,b,c\n", 'has the column "scene" twice'),
+        ("jobs.csv", "name,scene,\na,hanging,blue\n", "has a column without a name"),
+        ("jobs.toml", '[product]\nfabric = ["silk"]\n', "unknown key product.fabric; did you mean product.fabrics?"),
         ("jobs.csv", "name;scene\na;hanging\n", "separates cells by semicolons"),
         ("jobs.csv", "name\tscene\na\thanging\n", "separates cells by tabs"),
         ("jobs.csv", "name,scene\n", "has no items"),

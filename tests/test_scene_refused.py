@@ -33,6 +33,8 @@ def refused(source: Any) -> str:
         ("fabric = 'silk'", "unknown key fabric; did you mean garment.fabric? allowed there"),
         ("offset_mm = 2", "unknown key offset_mm; did you mean collision.offset_mm? allowed there"),
         ("garment.grain_panels = {left = 400}", "garment.grain_panels.left: must be a number from -360 to 360"),
+        ("garment.pin = {box = [0, 0, 0, 1, 1, 1]}", "garment.pin[0].box: must be a list of 2, each a list of 3"),
+        (f'garment.size = "{"x" * 41}"', "garment.size: has 41 letters; at most 40 are taken"),
         ("colour = 1", "unknown key colour; allowed there: name, garment, avatar, collision, solver"),
         (
             'garment.fabrik = "silk"',

@@ -165,12 +165,12 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
     for mark, words in ((";", "semicolons"), ("\t", "tabs")):
         if len(header) == 1 and mark in header[0]:
             raise InputError(path, f"separates cells by {words}, not commas", "save it with commas, and 0.5, not 0,5")
-    _check_columns(header, path)
+    _check_columns([name for place, name in enumerate(header) if name or not _says_nothing(table, place)], path)
     rows: list[dict[str, Any]] = []
     for cells in table[1:]:
         if not any(map(str.strip, cells)):  # an empty line, or one past a spreadsheet's last row
             continue
-        texts = {name: cell.strip() for name, cell in zip(header, cells, strict=False)}
+        texts = {name: cell.strip() for name, cell in zip(header, cells, strict=False) if name}
         row: dict[str, Any] = {
             name: text if name in TEXTS else _integer_text(text) for name, text in texts.items() if text
         }
@@ -178,6 +178,12 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
             row["problem"] = f"the row has {counted(len(cells), 'cell')}, the header {len(header)}"
         rows.append(row)
     return rows
+
+
+def _says_nothing(table: Sequence[Sequence[str]], place: int) -> bool:
+    """Whether a column is empty, as spreadsheets leave some, or a data frame's row numbers."""
+    cells = (row[place].strip() for row in table[1:] if place < len(row))
+    return all(not cell or cell.isdecimal() for cell in cells)
 
 
 def _integer_text(text: str) -> str:

@@ -12,6 +12,7 @@ from typing import Any
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import read_toml
 from warp_cloth.scene import shipped_scenes
+from warp_cloth.scene.messages import nearest
 from warp_cloth.scene.overrides import flat
 from warp_cloth.scene.paths import file_stem
 
@@ -34,7 +35,8 @@ def product_rows(product: Any, shared: Mapping[str, Any], path: Path) -> list[di
         raise InputError(path, "product is not a table", f"write [product] with some of {known}")
     unknown = next((key for key in product if key not in (*AXES, SWEEP)), None)
     if unknown is not None:
-        raise InputError(path, f"unknown key product.{unknown}", f"allowed there: {known}")
+        close = nearest(unknown, (*AXES, SWEEP), ask="did you mean product.{}? ")
+        raise InputError(path, f"unknown key product.{unknown}", f"{close}allowed there: {known}")
     axes = []
     for axis in AXES:
         if axis in product:

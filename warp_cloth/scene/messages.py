@@ -97,7 +97,7 @@ def _describe(
         return "is missing", f"give {allowed}" if allowed else ""
     if kind in ("too_short", "string_too_short") and not value:
         return "is empty", f"give {allowed}" if allowed else "give at least one"
-    if kind in ("too_long", "string_too_long"):
+    if kind in ("too_long", "string_too_long") and not allowed.startswith("a list of"):  # which says how many
         unit = "letters" if isinstance(value, str) else "entries"
         return f"has {len(value):,} {unit}; at most {context['max_length']} are taken", ""
     if kind == "union_tag_not_found":
