@@ -52,6 +52,18 @@ def test_names_in_an_encoding_that_is_not_stated() -> None:
     assert repaired("Rückenteil") == "Rückenteil"
 
 
+@pytest.mark.parametrize(
+    ("encoding", "stated"), [("cp850", "dos850"), ("cp437", "DOS437"), ("utf-8", "dos850"), ("utf-16", "ANSI_1252")]
+)
+def test_names_in_encodings_of_dos_and_in_utf16(encoding: str, stated: str, tmp_path: Path) -> None:
+    """Before, umlauts were other letters and half of the seams missing; UTF-16 was refused as no DXF."""
+    pieces = [replace(piece, name=name) for piece, name in zip(tshirt(), LANGUAGES["de"], strict=True)]
+    path = write(tmp_path / "plain.dxf", {"M": pieces}, Style())
+    text = path.read_text(encoding="cp1252").replace("ANSI_1252", stated)
+    path.write_bytes(text.encode(encoding))
+    assert [part.name for part in read_drafted(path).parts if "mirrored" not in part.name] == list(LANGUAGES["de"])
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_tshirt_in_any_language_is_sewn_alike(language: str, tmp_path: Path) -> None:
     pieces = [replace(piece, name=name) for piece, name in zip(tshirt(), LANGUAGES[language], strict=True)]

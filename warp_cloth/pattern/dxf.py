@@ -6,14 +6,17 @@ A piece is a block, inserted or not (dxf_drawn.py); where there are no blocks, a
 
 from __future__ import annotations
 
+import contextlib
 import io
 import logging
+import re
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.text import to_utf8
 from warp_cloth.pattern.dxf_binary import BINARY, as_text
 from warp_cloth.pattern.dxf_drawn import (
     CUT,
@@ -35,6 +38,8 @@ from warp_cloth.pattern.specification import MOST_PANELS, short
 EXPORT_AGAIN = "export the DXF again, as AAMA or ASTM"
 LARGEST_FILE = 200_000_000  # bytes
 MOST_POINTS = 200_000  # of a piece
+HEADER = 100_000  # bytes, within which a file's code page is stated
+DOS_PAGE = re.compile(rb"\$DWGCODEPAGE\s+3\s+dos(\d{3})\b", re.IGNORECASE)
 BLANK = b" \t\r\n\x00\x1a"  # behind the end of a file
 
 
@@ -87,6 +92,7 @@ def _document(file: str, data: bytes) -> Any:
         _refuse(file, f"is larger than {LARGEST_FILE // 1_000_000} MB, too large for a pattern")
     if not data.strip():
         _refuse(file, "is empty")
+    data = _in_utf8(data)
     if data.startswith(b"AC10"):
         _refuse(file, "is a DWG file, not DXF", "save it as DXF")
     if _is_cut_short(data):
@@ -99,6 +105,20 @@ def _document(file: str, data: bytes) -> Any:
         said = short(" ".join(str(error).split())) or type(error).__name__
         _refuse(file, f"cannot be read as DXF: {said}")
     return document
+
+
+def _in_utf8(data: bytes) -> bytes:
+    """Text in UTF-16, or in a code page of DOS that its header states, as UTF-8; other files as they are.
+
+    Texts in UTF-8 are told where the header states otherwise; of code pages ezdxf knows those of Windows.
+    """
+    stated = DOS_PAGE.search(data[:HEADER])
+    if stated is None or data.startswith(BINARY):
+        return to_utf8(data)
+    for page in ("utf-8", f"cp{stated[1].decode()}"):
+        with contextlib.suppress(LookupError, UnicodeError):
+            return data.decode(page).encode()
+    return data
 
 
 def _is_cut_short(data: bytes) -> bool:
