@@ -257,7 +257,7 @@ def _sized_scenes(scene: Any, sizes: Sequence[str], changes: Sequence[str], on: 
     if sized:
         return {sizes[0]: base, **{size: load(size, changes) for size in sizes[1:]}}
     first = "garment" if len(base.garments) == 1 else "garment[0]"
-    if graded := _graded(base):
+    if graded := graded_sizes(base):
         return {size: load(size, [*changes, f"{first}.size={toml_text(size)}"]) for size in sizes or graded}
     if not isinstance(base.garments[0].shape, TshirtShape):
         raise _one_size(first, base.garments[0])
@@ -282,7 +282,7 @@ def _check_named(sizes: Sequence[str], depends: bool) -> None:
         raise InputError("sizes", "no sizes are named", "give them from small to large: --size S,M,L")
 
 
-def _graded(scene: Scene) -> tuple[str, ...]:
+def graded_sizes(scene: Scene) -> tuple[str, ...]:
     """The sizes of the first garment's pattern, from small to large; none where it states none."""
     spec = scene.garments[0]
     if spec.pattern is None or not spec.is_drafted:
