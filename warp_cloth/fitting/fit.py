@@ -34,6 +34,7 @@ from warp_cloth.model.attempt import Patience
 from warp_cloth.model.result import FitResult, LevelRun
 from warp_cloth.report.shown import shown_verdict
 from warp_cloth.scene import Scene, load_scene
+from warp_cloth.scene.held_mesh import Held
 from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.solver.certificate.certifier import Measurement
 from warp_cloth.solver.frame_recorder import FrameRecorder
@@ -134,9 +135,9 @@ class Fit(FitResult):
 
 
 def fit(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: Scene | str | Path | Mapping[str, Any] | Held,
     *,
-    on: str | Path | None = None,
+    on: str | Path | Held | None = None,
     fabric: Any = None,
     device: str | None = None,
     overrides: Sequence[str] | Mapping[str, Any] = (),
@@ -152,7 +153,8 @@ def fit(
 
     Args:
         scene: the name of a shipped scene, a scene file (TOML), a USD stage, a dict with the keys of a scene file, or
-            the result of ``load_scene``; or, with ``on``, a garment's mesh or pattern.
+            the result of ``load_scene``; or, with ``on``, a garment's mesh or pattern. Meshes may be in memory,
+            see ``load_scene``.
         on: a body's mesh file, or "mannequin", in place of the scene's avatar; ``fit("shirt.obj", on="body.obj",
             fabric="jersey")`` needs no scene.
         fabric: of all garments: a shipped name, a .toml file, a table or a ``Fabric``.

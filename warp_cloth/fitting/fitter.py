@@ -12,6 +12,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import LAUNCH_LOCK
 from warp_cloth.fitting.fit import Caches, Fit, Progress, fit_loaded
 from warp_cloth.scene import Scene, load_scene
+from warp_cloth.scene.held_mesh import Held, in_file
 from warp_cloth.scene.overrides import overrides_of
 
 
@@ -28,8 +29,8 @@ class Fitter:
 
     def __init__(
         self,
-        garment: str | Path | Mapping[str, Any],
-        avatar: str | Path | None = None,
+        garment: str | Path | Mapping[str, Any] | Held,
+        avatar: str | Path | Held | None = None,
         *,
         device: str | None = None,
         overrides: Sequence[str] | Mapping[str, Any] = (),
@@ -37,8 +38,8 @@ class Fitter:
         """Reads and checks the scene; the first answer loads its meshes.
 
         Args:
-            garment: what ``warp_cloth.fit`` takes as a scene, not loaded yet; with ``avatar``, a garment's mesh file.
-            avatar: the body's mesh file, or "mannequin".
+            garment: what ``warp_cloth.fit`` takes as a scene, not loaded yet; with ``avatar``, a garment's mesh.
+            avatar: the body's mesh, or "mannequin".
             device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
             overrides: changes to the scene, for all answers.
 
@@ -48,7 +49,7 @@ class Fitter:
         if isinstance(garment, Scene):
             raise InputError("garment", "is a loaded scene, which cannot be changed", "give what it was loaded from")
         self._given = overrides_of(overrides)
-        self._load = partial(load_scene, garment, on=avatar)
+        self._load = partial(load_scene, in_file(garment, "garment", "garment"), on=in_file(avatar, "avatar", "body"))
         self._load(self._given)
         self.device = device_named(device)
         self._caches = Caches.limited()

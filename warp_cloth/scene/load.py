@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from warp_cloth.base import arguments
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import exists, read_toml
+from warp_cloth.scene.held_mesh import Held, in_file
 from warp_cloth.scene.messages import scene_error, show
 from warp_cloth.scene.overrides import Override, apply_override, overrides_of, plain, still_stated
 from warp_cloth.scene.paths import file_stem
@@ -47,10 +48,10 @@ class _Source:
 
 
 def load_scene(
-    source: str | Path | Mapping[str, Any],
+    source: str | Path | Mapping[str, Any] | Held,
     overrides: Sequence[str] | Mapping[str, Any] | Sequence[Override] = (),
     *,
-    on: str | Path | None = None,
+    on: str | Path | Held | None = None,
     fabric: Any = None,
 ) -> Scene:
     """Loads a scene: a TOML file, a USD stage, a shipped scene's name, a dictionary of the same keys, or two meshes.
@@ -59,7 +60,9 @@ def load_scene(
     overrides from there, or else from the current folder.
 
     Args:
-        source: the scene, or with ``on`` a garment's mesh or pattern.
+        source: the scene, or with ``on`` a garment's mesh or pattern. Wherever a mesh file may be given, so may a mesh
+            in memory: trimesh's, or an object like it with ``vertices`` and ``faces``; here and in ``on`` a tuple of
+            these two arrays, too.
         overrides: changes: ``KEY=VALUE`` strings, each a dotted key, and a value in TOML or plain text; or a dictionary
             of dotted keys and values.
         on: a body's mesh file, or "mannequin": what the garments are worn on, instead of the scene's avatar.
@@ -68,7 +71,7 @@ def load_scene(
     Raises:
         InputError: the scene cannot be read, or a key or value is wrong.
     """
-    found = _read(source, on, fabric)
+    found = _read(in_file(source, "scene", "garment"), in_file(on, "on", "body"), fabric)
     values, stated = found.values, dict(found.stated)
     for override in overrides_of(overrides):
         key = apply_override(values, override, found.directory)

@@ -14,6 +14,7 @@ import numpy as np
 from warp_cloth.base import arguments
 from warp_cloth.base.errors import OVERRIDE, InputError
 from warp_cloth.base.toml_file import exists, toml_value
+from warp_cloth.scene.held_mesh import in_file, is_held
 from warp_cloth.scene.messages import show
 
 WHOLE = ("kind", "name")  # a table with one of these keys replaces the scene's; others change it key by key
@@ -74,11 +75,13 @@ def flat(values: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
 
 
 def plain(values: Any) -> Any:
-    """A copy of a dictionary or a value with NumPy's as Python's."""
+    """A copy of a dictionary or a value with NumPy's as Python's, and files for meshes in memory."""
     if isinstance(values, Mapping):
         return {key: plain(value) for key, value in values.items()}
     if isinstance(values, list | tuple):
         return [plain(value) for value in values]
+    if is_held(values):
+        return str(in_file(values, "mesh"))
     return values.tolist() if isinstance(values, np.generic | np.ndarray) else deepcopy(values)
 
 
