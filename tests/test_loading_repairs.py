@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from cloths import tube
 from meshfiles import obj_text
 
@@ -231,6 +232,16 @@ def test_a_seam_that_rounding_opened_is_closed_and_an_open_one_told_of(
     mesh = load(tmp_path, obj_text(np.concatenate([points, right]), both))
     assert mesh.vertex_count == 2 * len(points) - (5 if joined else 0)
     assert noted(mesh, "5 vertices welded to others up to" if joined else "2 separate pieces")
+
+
+def test_facets_of_a_body_that_rounding_parted_are_joined(tmp_path: Path) -> None:
+    """A file with few digits: no facet had a neighbour, and the body no limbs."""
+    shape = trimesh.creation.icosphere(subdivisions=3, radius=0.3)
+    corners = np.round(shape.triangles.reshape(-1, 3) + np.random.default_rng(0).normal(size=3) * 1e-3, 6)
+    corners += np.random.default_rng(1).choice([-5e-6, 5e-6], size=corners.shape)
+    mesh = load(tmp_path, obj_text(corners, np.arange(len(corners)).reshape(-1, 3)), role="avatar")
+    assert mesh.vertex_count == len(shape.vertices)
+    assert edge_use(mesh)[0].min() == 2
 
 
 def test_unwelded_duplicate_facets_are_dropped(tmp_path: Path) -> None:

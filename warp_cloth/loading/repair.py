@@ -89,7 +89,7 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKey) -> Repa
     work = work.select(~_without_area(raw, work, points, rest), "triangle", "without area")
     _refuse_empty(raw, work)
     panels = None if raw.texcoords is None or role == "avatar" else _usable(raw.texcoords[work.corners])
-    welded = weld(points, work.triangles, near=role == "garment", panels=panels, copies=role == "garment")
+    welded = weld(points, work.triangles, panels=panels, copies=role == "garment")
     work = _welded(work, welded, role)
     _refuse_empty(raw, work)
     if role == "garment" and (split := split_seams(points, work.triangles)) is not None:

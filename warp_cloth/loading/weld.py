@@ -26,10 +26,8 @@ class Weld:
     farthest: float = 0.0  # between two that were joined [m]
 
 
-def weld(
-    points: Floats, triangles: Ints, *, near: bool = False, panels: Floats | None = None, copies: bool = False
-) -> Weld:
-    """Join boundary edges that coincide, two and two; exactly, or nearly if ``near``.
+def weld(points: Floats, triangles: Ints, *, panels: Floats | None = None, copies: bool = False) -> Weld:
+    """Join boundary edges that coincide, exactly or nearly, two and two.
 
     Edges, not points: parts that only touch stay apart. Where more than two faces would meet, two layers lie
     on each other, and they stay apart too; only where no faces share a vertex at all (an STL) do positions
@@ -45,10 +43,8 @@ def weld(
     places = unique_rows(points[used] + 0.0)  # -0 and 0 are one place
     place = np.full(len(points), -1, dtype=np.int64)
     place[used] = places.number
-    count = len(places.first)
-    if near:
-        same = _near_rims(points[used[places.first]], place[triangles])
-        place[used], count = same[places.number], len(used_ids(same, count))
+    same = _near_rims(points[used[places.first]], place[triangles])
+    place[used], count = same[places.number], len(used_ids(same, len(places.first)))
     if count == len(used):
         return Weld(np.arange(len(points)))
     soup = len(triangles) > 1 and int(np.bincount(triangles.reshape(-1)).max()) == 1
