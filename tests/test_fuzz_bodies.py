@@ -15,8 +15,8 @@ from warp_cloth.anatomy.measures import DEFINITIONS
 from warp_cloth.anatomy.person import Person, understand
 from warp_cloth.anatomy.skeleton import TRUNK
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.surface import grid_values, split_quads, surface_nets, without_saddles
 from warp_cloth.shapes import mannequin
-from warp_cloth.shapes.surface import grid_values, split_quads, surface_nets, without_saddles
 
 Floats = NDArray[np.float64]
 Bone = tuple[Sequence[float], Sequence[float], float]  # from, to [m], radius [m]

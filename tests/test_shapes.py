@@ -13,6 +13,7 @@ from warp_cloth.anatomy.levels import trunk_level
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.section import convex_girth
+from warp_cloth.base.surface import is_closed_manifold, surface_nets, without_saddles
 from warp_cloth.shapes import (
     SIZE_BODIES,
     MannequinMeasures,
@@ -23,7 +24,6 @@ from warp_cloth.shapes import (
     sphere,
     square,
 )
-from warp_cloth.shapes.surface import is_closed_manifold, surface_nets, without_saddles
 
 EXACT = 1e-12  # [m] rounding of sums of a few float64 lengths near 1 m
 GIRTH_TOLERANCE = 0.005  # [m] stated accuracy of the mannequin's girths; a tailor's tape is read to this

@@ -29,6 +29,7 @@ from warp_cloth.avatar.exact import build_exact_collider, penetration
 from warp_cloth.avatar.solid import solid_of
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.base.surface import grid_values, split_quads, surface_nets, without_saddles
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.bench.avatar import named_places, sample_lines
 from warp_cloth.fitting.fit import fit
@@ -38,7 +39,6 @@ from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
 from warp_cloth.shapes.body import calibrated_form
 from warp_cloth.shapes.measures import MannequinMeasures
-from warp_cloth.shapes.surface import grid_values, split_quads, surface_nets, without_saddles
 from warp_cloth.solver.certificate.certifier import Measurement
 from warp_cloth.solver.goal import Goal, Outcome
 from warp_cloth.solver.loop import BURST, relax_items

@@ -25,7 +25,7 @@ class Person:
     stance: Stance | None
     measures: tuple[Measure, ...]  # empty where there are no limbs
     reason: str  # why no limbs can be identified: a clause; else empty
-    notes: tuple[str, ...] = ()  # of what of it is left out
+    notes: tuple[str, ...] = ()  # of what is left out, or uncertain
 
 
 def understand(body: Mesh) -> Person:
@@ -33,7 +33,19 @@ def understand(body: Mesh) -> Person:
     found = skeleton_or_reason(body)
     if isinstance(found, str):
         return Person(body, None, None, (), found)
-    return Person(body, found, stance_of(found), measures_of(body, found), "", _left_out(body, found))
+    return Person(
+        body, found, stance_of(found), measures_of(body, found), "", (*_wrapped(found), *_left_out(body, found))
+    )
+
+
+def _wrapped(skeleton: Skeleton) -> tuple[str, ...]:
+    """A note where the limbs were not found on the body's own surface."""
+    if not skeleton.is_of_wrap:
+        return ()
+    return (
+        "its own surface does not show its limbs (rough, torn, in pieces, or folded): they were found on one wrapped "
+        "round it, and measures may be off by some centimetres",
+    )
 
 
 def _left_out(body: Mesh, skeleton: Skeleton) -> tuple[str, ...]:

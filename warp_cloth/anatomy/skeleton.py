@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines, nearest_points, row_lengths
+from warp_cloth.anatomy.wrapping import wrapped
+from warp_cloth.base.connected import connected_components
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.base.lids import cones, with_tips
 from warp_cloth.base.mesh import Indices, Mesh, Points
@@ -64,6 +66,7 @@ class Skeleton:
     limb: NDArray[np.int8]  # number of each vertex's limb, or TRUNK, shape [V]
     station: Floats  # where it is along its limb's curve, 0 to 1, shape [V]
     own: NDArray[np.bool_]  # the vertices of the connected part that has the limbs, shape [V]
+    is_of_wrap: bool = False  # found on a surface wrapped round the body, as its own does not show the limbs
 
     @property
     def middle(self) -> Points:
@@ -127,16 +130,36 @@ def skeleton_of(body: Mesh) -> Skeleton | None:
 def skeleton_or_reason(body: Mesh) -> Skeleton | str:
     """The skeleton of a person's body, or why there is none: a clause about the body."""
     edges = mesh_edges(body.triangles, body.vertex_count)
-    if 2 * len(edges) == 3 * body.triangle_count:
-        return _skeleton_of(body.points, body.triangles, edges)
-    # a hole makes level lines shorter: where it ends an arm seems to widen, as it does where it joins the trunk
-    lids, rims = cones(body.triangles.astype(np.int64), body.vertex_count)
-    points, triangles = with_tips(body.points, rims), np.vstack([body.triangles, lids.astype(np.int32)])
-    found = _skeleton_of(points, triangles, mesh_edges(triangles, len(points)))
-    if isinstance(found, str):
-        return found
-    own = slice(body.vertex_count)
-    return replace(found, skin=found.skin[own], limb=found.limb[own], station=found.station[own], own=found.own[own])
+    points, triangles = body.points, body.triangles
+    if 2 * len(edges) != 3 * body.triangle_count:
+        # a hole makes level lines shorter: where it ends an arm seems to widen, as it does where it joins the trunk
+        lids, rims = cones(body.triangles.astype(np.int64), body.vertex_count)
+        points, triangles = with_tips(body.points, rims), np.vstack([body.triangles, lids.astype(np.int32)])
+        edges = mesh_edges(triangles, len(points))
+    found = _skeleton_of(points, triangles, edges)
+    if isinstance(found, Skeleton):
+        number = np.arange(body.vertex_count)
+        return found if len(points) == len(number) else _of_vertices(found, body.points, number, found.own[number])
+    wrap, faces = wrapped(points, triangles)
+    retried = _skeleton_of(wrap, faces, mesh_edges(faces, len(wrap))) if len(faces) else found
+    if isinstance(retried, str):
+        return found  # of its own surface
+    number = nearest_points(wrap, body.points)
+    found = _of_vertices(retried, body.points, number, _mostly(retried.own[number], body))
+    return replace(found, is_of_wrap=True)
+
+
+def _of_vertices(found: Skeleton, points: Points, number: NDArray[np.int64], own: NDArray[np.bool_]) -> Skeleton:
+    """The skeleton of vertices [m], shape [V, 3], that are where those of these numbers are on its surface."""
+    return replace(found, skin=points, limb=found.limb[number], station=found.station[number], own=own)
+
+
+def _mostly(own: NDArray[np.bool_], body: Mesh) -> NDArray[np.bool_]:
+    """Whether most vertices of each vertex's connected part are, shape [V]."""
+    edges = mesh_edges(body.triangles, body.vertex_count)
+    part = connected_components(body.vertex_count, edges[:, 0], edges[:, 1])
+    count, of_own = np.bincount(part, minlength=len(own)), np.bincount(part, own, len(own))
+    return np.asarray((2 * of_own > count)[part])
 
 
 def _skeleton_of(points: Points, triangles: Indices, edges: Indices) -> Skeleton | str:

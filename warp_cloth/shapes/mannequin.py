@@ -9,9 +9,7 @@ import numpy as np
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.shapes.body import calibrated_form
-from warp_cloth.shapes.measures import MannequinMeasures
-from warp_cloth.shapes.surface import (
+from warp_cloth.base.surface import (
     grid_values,
     is_closed_manifold,
     relax,
@@ -19,6 +17,8 @@ from warp_cloth.shapes.surface import (
     surface_nets,
     without_saddles,
 )
+from warp_cloth.shapes.body import calibrated_form
+from warp_cloth.shapes.measures import MannequinMeasures
 
 MANNEQUIN_EDGE = 0.011  # [m] about 20,000 vertices: finer than a garment's own edges, chords within 0.5 mm
 RELAX_ROUNDS = 6

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Indices, Points
-from warp_cloth.shapes.loft import Values
 
 Quads = NDArray[np.int64]
+Values = NDArray[np.float64]
 
 
 def surface_nets(values: NDArray[np.float64], origin: Points, spacing: float) -> tuple[Points, Quads]:

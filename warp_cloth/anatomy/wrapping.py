@@ -1,0 +1,72 @@
+"""A surface wrapped round a body whose own is rough, coarse, torn, or in pieces that touch.
+
+The cells of a grid that its surface or its inside lies in, smoothed: as a sheet would lie round it that spans gaps of
+less than two cells. Limbs that are nearer to each other than that grow together.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.anatomy.geodesics import row_lengths
+from warp_cloth.base.connected import connected_components
+from warp_cloth.base.mesh import Indices, Points
+from warp_cloth.base.surface import split_quads, surface_nets, without_saddles
+
+CELLS = 160  # along the body's largest extent: 1 cm in a grown-up
+MARGIN = 3  # empty cells round it
+SAMPLES_PER_CELL = 2.0  # along the edges of a triangle
+MOST_PER_EDGE = 2 * CELLS  # samples; no edge is longer than the body
+SMOOTHING = 1.0  # cells, the standard deviation
+THINNEST = 1e-3  # of the extent; parts with less volume over area are sheets, which have no limbs: a floor, hair
+
+
+def wrapped(points: Points, triangles: Indices) -> tuple[Points, Indices]:
+    """The points [m] and triangles of a surface wrapped round a closed one; without triangles where nothing is in it.
+
+    Args:
+        points: vertices [m], shape [V, 3].
+        triangles: shape [F, 3].
+    """
+    from scipy import ndimage
+
+    corners = points[triangles]
+    extent = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+    corners = corners[~_is_sheet(points, triangles, THINNEST * extent)]
+    spacing = extent / CELLS
+    origin = corners.reshape(-1, 3).min(axis=0) - MARGIN * spacing
+    cells = np.floor((_samples(corners, spacing / SAMPLES_PER_CELL) - origin) / spacing).astype(np.int64)
+    is_skin = np.zeros(cells.max(axis=0) + MARGIN + 1, dtype=bool)
+    is_skin[tuple(cells.T)] = True
+    is_solid = ndimage.binary_erosion(ndimage.binary_fill_holes(ndimage.binary_dilation(is_skin))) | is_skin
+    density = ndimage.gaussian_filter(is_solid.astype(np.float64), SMOOTHING, mode="constant")
+    values = without_saddles(0.5 - density)
+    wrap, quads = surface_nets(values, origin + 0.5 * spacing, spacing)
+    return wrap, split_quads(wrap, quads) if len(quads) else np.zeros((0, 3), dtype=np.int32)
+
+
+def _is_sheet(points: Points, triangles: Indices, thinnest: float) -> NDArray[np.bool_]:
+    """Whether each triangle belongs to a connected part that encloses hardly anything; none does where all would."""
+    a, b, c = triangles.T
+    part = connected_components(len(points), np.concatenate([a, b]), np.concatenate([b, c]))[a]
+    corners = points[triangles] - points[part][:, None]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    volume = np.bincount(part, np.einsum("ij,ij->i", corners[:, 0], normal) / 6.0, len(points))
+    area = np.bincount(part, 0.5 * row_lengths(normal), len(points))
+    thin = (np.abs(volume) <= thinnest * area)[part]
+    return np.zeros(len(triangles), dtype=bool) if thin.all() else np.asarray(thin)
+
+
+def _samples(corners: Points, apart: float) -> Points:
+    """Points of triangles, shape [F, 3, 3], no farther apart than ``apart`` [m] along their edges; shape [N, 3]."""
+    edges = np.roll(corners, -1, axis=1) - corners
+    longest = np.linalg.norm(edges, axis=2).max(axis=1)
+    count = np.clip(np.ceil(longest / apart).astype(np.int64), 1, MOST_PER_EDGE)
+    found = []
+    for each in np.unique(count):
+        i, j = (grid.ravel() for grid in np.mgrid[: each + 1, : each + 1])
+        inside = i + j <= each
+        weights = np.stack([i, j, each - i - j], axis=1)[inside] / each
+        found.append(np.einsum("nc,fcd->fnd", weights, corners[count == each]).reshape(-1, 3))
+    return np.concatenate(found)
