@@ -124,6 +124,26 @@ def test_a_doll_of_capsules_is_a_person() -> None:
     assert person.stance.in_words().startswith("stands; arms 4")
 
 
+def with_legs(*leg: Bone) -> Mesh:
+    """The doll with other legs."""
+    return capsules([bone for bone in figure((43,), 1) if bone[0][1] >= 1.3 or bone[0][0] == 0] + list(leg), edge=0.025)
+
+
+def test_who_sits_on_the_floor_with_straight_legs_sits() -> None:
+    """Its legs are as long along z as its trunk along y."""
+    knee, heel, toes = (0.1, 0.86, 0.4), (0.1, 0.9, 0.8), (0.1, 0.95, 0.94)
+    person = check(with_legs(((0.1, 0.9, 0), knee, 0.075), (knee, heel, 0.075), (heel, toes, 0.045)))
+    assert person.stance.vertical == pytest.approx([0.0, 1.0, 0.0])
+    assert person.stance.in_words().startswith("sits; arms 4")
+
+
+def test_who_stands_astride_does_not_sit() -> None:
+    x, y = 0.1 + 0.8 * np.sin(np.radians(60.0)), 0.9 - 0.8 * np.cos(np.radians(60.0))
+    person = check(with_legs(((0.1, 0.9, 0), (x, y, 0), 0.075), ((x, y, 0), (x, y, 0.16), 0.04)))
+    assert person.stance.in_words().startswith("stands; arms 4")
+    assert "degrees apart" in person.stance.in_words()
+
+
 def test_a_body_without_a_head_has_limbs() -> None:
     assert check(capsules(figure((43,), 1, head=False))).skeleton is not None
 

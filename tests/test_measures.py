@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from warp_cloth.anatomy.measures import DEFINITIONS, measures_of
 from warp_cloth.anatomy.person import Person, understand
+from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM
 from warp_cloth.anatomy.tape import tape_round
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.cli.main import app
@@ -225,3 +226,22 @@ def test_measures_are_the_same_bits_again(person: Person) -> None:
     assert person.skeleton is not None
     again = measures_of(Mesh("again", person.body.points.copy(), person.body.triangles), person.skeleton)
     assert [each.value for each in again] == [each.value for each in person.measures]
+
+
+def leaning_to_the_side(person: Person, degrees: float) -> Mesh:
+    """A body bent at its waist, to its right; its arms move with its shoulders."""
+    assert person.skeleton is not None
+    body, hinge, soft = person.body, np.array([0.0, 1.0, 0.0]), 0.1
+    share = np.clip((body.points[:, 1] - hinge[1]) / soft + 0.5, 0.0, 1.0)
+    angle = np.radians(degrees) * np.where(np.isin(person.skeleton.limb, (RIGHT_ARM, LEFT_ARM)), 1.0, share)
+    x, y, z = (body.points - hinge).T
+    turned = np.stack([x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle), z], axis=1)
+    return Mesh("leans", hinge + turned, body.triangles)
+
+
+def test_shoulders_of_who_leans_to_the_side_are_not_on_the_head(person: Person) -> None:
+    upright = values(person)
+    for degrees in (-25.0, 25.0):
+        found = values(understand(leaning_to_the_side(person, degrees)))
+        for name in ("shoulder_width", "arm_length"):
+            assert found[name] == pytest.approx(upright[name], abs=0.03)

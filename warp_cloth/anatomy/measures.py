@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats, row_lengths
 from warp_cloth.anatomy.levels import CHEST_RANGE, Level, trunk_level, trunk_levels, under_bust_level, width
-from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, STEP, TRUNK, Skeleton, without_loose_parts
+from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, STEP, TRUNK, Skeleton, without_loose_parts
 from warp_cloth.anatomy.stance import ASTRIDE, STATURE, UPRIGHT, Bones, Stance, stance_of
 from warp_cloth.anatomy.tape import Plane, Tape, longest, part_of, shortest, tape_round
 from warp_cloth.base.curves import arc_lengths, curve_point
@@ -36,6 +36,8 @@ SHOULDER_INWARDS = 0.012  # of the stature, from the root of the arm to the shou
 SHOULDER_DEPTH = 0.024  # of the stature, from the shoulder point down to the joint: a hanging arm begins above it
 HANGING = (45.0, 75.0)  # degrees below the horizontal; the root of an arm that hangs is nearer to the neck
 SHOULDER_AROUND = 0.015  # of the stature, on either side of it
+# Of the stature, above the root of the arm: 0.03 to 0.1 in people. Above may be the head, of one who leans to the side.
+SHOULDER_ABOVE = 0.13
 RAISED = 20.0  # degrees above the horizontal: the arm lies on the shoulder
 CROTCH_ROUNDS = 12  # halvings of its height
 
@@ -320,18 +322,28 @@ class Figure:
             "wrist": _taped("wrist", wrist, "no wrist is there"),
         }
 
+    @cached_property
+    def _shoulder_frame(self) -> Points:
+        """The frame with its up turned to the side as the trunk leans, shape [3, 3]: the head leans with it."""
+        _, _, forward = self.frame
+        up = self.skeleton.up - forward * (self.skeleton.up @ forward)
+        up /= np.linalg.norm(up)
+        return np.stack([np.cross(up, forward), up, forward])
+
     def _shoulder_point(self, arm: Bones) -> Points | None:
         """The shoulder point [m]: on top of the shoulder, a little nearer to the neck than the root of the arm."""
         angle = self.stance.below_horizontal(arm.upper)
         if angle < -RAISED or (angle < 45.0 and arm.upper @ self.frame[2] > 0.5):
             return None
-        x, _, z = arm.curve[-1] @ self.frame.T
+        frame = self._shoulder_frame
+        skin, (x, y, z) = self.body.points @ frame.T, arm.curve[-1] @ frame.T
         inwards = SHOULDER_INWARDS * np.interp(angle, HANGING, (1.0, 0.0)) * self.stature
-        x -= np.sign(x - self.middle) * inwards
-        near = (np.abs(self.upright[:, [0, 2]] - [x, z]) < SHOULDER_AROUND * self.stature).all(axis=1)
+        x -= np.sign(x - self.skeleton.shoulders @ frame[0]) * inwards
+        near = (np.abs(skin[:, [0, 2]] - [x, z]) < SHOULDER_AROUND * self.stature).all(axis=1)
+        near &= (self.skeleton.limb != HEAD) & (skin[:, 1] < y + SHOULDER_ABOVE * self.stature)
         if not near.any():
             return None
-        return np.array([x, self.upright[near, 1].max(), z]) @ self.frame
+        return np.array([x, skin[near, 1].max(), z]) @ frame
 
     def _shoulder_width(self) -> Measure:
         points = [self._shoulder_point(arm) for arm in self.stance.arms]

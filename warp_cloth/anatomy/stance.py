@@ -21,6 +21,8 @@ ASTRIDE = 15.0  # degrees between a leg and vertical that lower the hips by 1.5 
 # Degrees from the nearest axis at which trunk and legs in line mean that the body lies oblique in its axes: of people
 # who stand, the legs together point down to 3 degrees, and the trunk leans by up to 9 against them.
 OBLIQUE, IN_LINE = 5.0, 12.0
+UPWARDS = 1.25  # times as far along another axis as along y is still y: of who sits on the floor, legs and trunk differ
+RAISED, AHEAD = 40.0, 0.5  # degrees below the horizontal, and the part to the front, of a thigh that is raised
 ALIKE = 8.0  # degrees between limbs that one phrase describes
 
 
@@ -84,8 +86,7 @@ class Stance:
         return "; ".join([self._trunk_in_words(), *self._arms_in_words(), *self._legs_in_words()])
 
     def _trunk_in_words(self) -> str:
-        raised = [self.below_horizontal(leg.upper) < 40.0 for leg in self.legs]
-        if all(raised) and self.trunk_lean <= 45.0:
+        if all(self._raised()) and self.trunk_lean <= 45.0:
             return "sits"
         if self.trunk_lean > UPRIGHT:
             return f"trunk leans by {self.trunk_lean:.0f} degrees"
@@ -105,9 +106,15 @@ class Stance:
         along = float(direction @ self.forward)
         return float(np.sign(along)) if abs(along) > 0.5 else 0.0
 
+    def _raised(self) -> list[bool]:
+        """Whether each thigh is raised to the front, as of who sits or steps up; to the side legs are only apart."""
+        return [
+            self.below_horizontal(leg.upper) < RAISED and bool(leg.upper @ self.forward > AHEAD) for leg in self.legs
+        ]
+
     def _legs_in_words(self) -> list[str]:
         said = []
-        raised = [self.below_horizontal(leg.upper) < 40.0 for leg in self.legs]
+        raised = self._raised()
         for leg, up in zip(self.legs, raised, strict=True):
             side = "right" if leg.number == RIGHT_LEG else "left"
             if up and not all(raised):
@@ -123,13 +130,14 @@ class Stance:
 def stance_of(skeleton: Skeleton) -> Stance:
     """The stance of a body.
 
-    Vertical is the world axis that trunk and legs are nearest to, or along the legs where both are far from all.
+    Vertical is the world axis that trunk and legs are nearest to, y where two are nearly as near, or along the legs
+    where both are far from all.
     """
     arms = _bones(skeleton, RIGHT_ARM, WRIST, ELBOW), _bones(skeleton, LEFT_ARM, WRIST, ELBOW)
     both_legs = _bones(skeleton, RIGHT_LEG, ANKLE, KNEE), _bones(skeleton, LEFT_LEG, ANKLE, KNEE)
     down = [bone for leg in both_legs for bone in (leg.upper, leg.lower)]
     upwards = 2.0 * skeleton.up - 0.5 * np.sum(down, axis=0)
-    axis = int(np.argmax(np.abs(upwards)))
+    axis = int(np.argmax(np.abs(upwards) * [1.0, UPWARDS, 1.0]))
     vertical = np.zeros(3)
     vertical[axis] = np.sign(upwards[axis])
     legs = -np.sum(down, axis=0)
