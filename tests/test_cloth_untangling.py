@@ -232,9 +232,21 @@ def test_no_garment_is_moved_far_up_for_what_is_in_the_body_there_as_well() -> N
     assert taller[1] > 0.13
 
 
+def test_a_garment_is_moved_onto_the_middle_of_a_form_that_stands_elsewhere() -> None:
+    """A form without limbs does not tell where it stands; moved up until it was clear, a shirt began round the face."""
+    form = build_avatar(SphereShape(kind="sphere", radius=0.2, centre=(0.06, 0.1, 0.12)))
+    around = build_avatar(SphereShape(kind="sphere", radius=0.24, centre=(0.0, 0.1, 0.0))).points
+    shift = clear_shift(around, form, "cpu", may_be_elsewhere=True)
+    assert shift == pytest.approx([0.06, 0.0, 0.12], abs=0.011)
+    assert clear_shift(around, form, "cpu") != pytest.approx(shift, abs=0.05)
+    near = around + np.array([0.05, 0.0, 0.1])
+    assert clear_shift(near, form, "cpu", may_be_elsewhere=True) is None
+
+
 @pytest.mark.parametrize(
     ("shift", "told"),
     [
+        ((-0.05, 0.0, 0.11), "110 mm forward and 50 mm to the right"),
         ((0.0, 0.04, 0.02), "40 mm up and 20 mm forward"),
         ((0.0, -0.01, 0.0), "10 mm down"),
         ((0.0, 0, -0.04), "40 mm back"),

@@ -41,9 +41,9 @@ def placed(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, cach
         if avatar is None or scene.collision.avatar == "none" or garment.rest.source.kind != "uv" or len(garment.pins):
             return None
         surface = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar)).closing.surface(avatar)
-        return cache.get_or_make(
-            "shift", (garment.points, avatar), partial(clear_shift, garment.points, surface, device)
-        )
+        elsewhere = not outfit.poses and outfit.wearing[index] is None
+        make = partial(clear_shift, garment.points, surface, device, may_be_elsewhere=elsewhere)
+        return cache.get_or_make("shift", (garment.points, avatar), make, elsewhere)
 
     return [
         _shifted(outfit, [shift_of(scene, outfit, index) for index in range(len(outfit.garments))], cache)
