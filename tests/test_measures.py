@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from meshfiles import write_usd
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
@@ -200,6 +201,24 @@ def test_command_takes_a_mesh_in_any_unit(tmp_path: Path, person: Person) -> Non
     assert f"{100 * values(person)['hip']:.1f}" in said
     code, said, _ = run(str(tmp_path / "body.obj"), "--measures", "--out", str(tmp_path), "--set", "avatar.units=in")
     assert code == 2 or "no limbs" in said or "m tall" in said
+
+
+def test_command_takes_a_stage_without_garments_for_a_body(tmp_path: Path, person: Person) -> None:
+    write_usd(tmp_path / "body.usda", person.body.points, person.body.triangles)
+    code, said, _ = run(str(tmp_path / "body.usda"), "--measures", "--out", str(tmp_path))
+    assert code == 0
+    assert f"{100 * values(person)['hip']:.1f}" in said
+    garment = "--set", "garment.prim=/cloth", "--set", "avatar.prim=/body"
+    code, _, said = run(str(tmp_path / "body.usda"), "--out", str(tmp_path), *garment)
+    assert code == 2
+    assert "there is no prim /body" in said
+
+
+def test_command_names_the_formats_of_bodies(tmp_path: Path) -> None:
+    (tmp_path / "body.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    code, _, said = run(str(tmp_path / "body.off"))
+    assert code == 2
+    assert ".off is not a supported mesh format; use one of .obj" in " ".join(said.split())
 
 
 def test_command_says_that_a_ball_has_no_limbs(tmp_path: Path) -> None:

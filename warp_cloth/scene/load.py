@@ -20,7 +20,7 @@ from warp_cloth.scene.messages import scene_error, show
 from warp_cloth.scene.overrides import Override, apply_override, overrides_of, plain, still_stated
 from warp_cloth.scene.paths import file_stem
 from warp_cloth.scene.schema import Scene
-from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, stage_values
+from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, has_garments, stage_values
 from warp_cloth.scene.worn_on import (
     MANNEQUIN,
     MESH_SUFFIXES,
@@ -93,13 +93,30 @@ def load_scene(
 def scene_of_body(source: str, overrides: Sequence[str] = ()) -> Scene | None:
     """The scene of a body alone, from its mesh file, or of the mannequin; None where ``source`` is neither.
 
-    A scene has a garment: a square of cloth stands in for it. ``overrides`` as for ``load_scene``.
+    A scene has a garment: a square of cloth stands in for it. ``overrides`` as for ``load_scene``. A USD stage is a
+    body where neither it nor the overrides hold a garment.
+
+    Raises:
+        InputError: it is a file of another kind than meshes and scenes.
     """
     path = Path(source)
-    if path.suffix.lower() not in MESH_SUFFIXES and (source != MANNEQUIN or exists(path)):
+    is_body = path.suffix.lower() in MESH_SUFFIXES or (source == MANNEQUIN and not exists(path))
+    if not is_body and exists(path) and path.is_file():
+        is_body = _is_body_file(path, overrides)
+    if not is_body:
         return None
     cloth = {"shape": {"kind": "square"}, "fabric": "cotton"}
     return load_scene({"name": path.stem, "avatar": body_named(source)[0], "garment": cloth}, overrides)
+
+
+def _is_body_file(path: Path, overrides: Sequence[str]) -> bool:
+    """Whether a file that is no plain mesh is a body: a stage without garments."""
+    kind = path.suffix.lower()
+    if kind not in (".toml", "", *USD_SUFFIXES, *PATTERN_SUFFIXES):
+        supported = ", ".join((*MESH_SUFFIXES, *USD_SUFFIXES))
+        raise InputError(path, f"{kind} is not a supported mesh format", f"use one of {supported}")
+    names_garment = any(each.lstrip().startswith("garment") for each in overrides)
+    return kind in USD_SUFFIXES and not names_garment and not has_garments(path)
 
 
 def _read(source: Any, on: Any, fabric: Any) -> _Source:

@@ -51,6 +51,19 @@ def stage_values(path: Path) -> dict[str, Any]:
     return values
 
 
+def has_garments(path: Path) -> bool:
+    """Whether a stage has garments, by the surface-deformable physics schema.
+
+    Raises:
+        InputError: the stage cannot be opened.
+    """
+    from warp_cloth.loading.usd import opened_stage
+    from warp_cloth.loading.usd_physics import staged_cloths
+
+    with opened_stage(str(path)) as stage:
+        return bool(staged_cloths(stage))
+
+
 def check_prims(values: dict[str, Any], path: Path) -> None:
     """Refuses a stage without the physics schema unless garment and avatar prims are given."""
     garment, avatar = values.get("garment"), values.get("avatar")
