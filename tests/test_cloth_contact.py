@@ -193,6 +193,12 @@ def test_worn_cloth_gets_room_for_more_pairs_at_the_same_iteration_whether_or_no
     assert ends[0][1] == ends[1][1]
 
 
+def test_contact_of_cloth_with_cloth_is_not_relaxed_without_its_schedule() -> None:
+    relaxation, _ = dropped(0.9995)
+    with pytest.raises(ValueError, match="schedule"):
+        relax_items(Certifier(relaxation), [Goal(Tolerance(), 100)])
+
+
 def test_what_is_measured_at_the_end_is_the_same_whether_or_not_the_loop_ran_ahead() -> None:
     loads = []
     for ahead in (False, True):

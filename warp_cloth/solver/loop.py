@@ -141,6 +141,8 @@ class _Loop:
         ahead: bool | None,
     ) -> None:
         self._relaxation, self._certifier = certifier.relaxation, certifier
+        if schedule is None and self._relaxation.cloth_contact is not None:
+            raise ValueError("contact of cloth with cloth needs its schedule, which finds the pairs that touch")
         self._goals, self._follow, self._schedule, self._on_check = goals, follow, schedule, on_check
         self._ahead = wp.get_device(certifier.relaxation.model.device).is_cuda if ahead is None else ahead
         self._active = list(range(len(goals)))
