@@ -14,9 +14,10 @@ from warp_cloth.fitting import predrape
 from warp_cloth.fitting.problem import Problem
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.attempt import Attempt
-from warp_cloth.model.first_attempt import draped_trial, first_attempt, trial_attempt
+from warp_cloth.model.first_attempt import dressed_trial, first_attempt, trial_attempt
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.scene.predrape import predrape_fabric
+from warp_cloth.solver import goal
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import CALM
 
@@ -52,7 +53,7 @@ def test_what_crosses_begins_again_as_if_it_had_not_been_tried(monkeypatch: pyte
 def crosses_in_its_own_fabric(self: Problem, items: list[int]) -> list[int]:
     """All items that are sewn in silk or cotton."""
     is_knit = self.scenes[0].garments[0].fabric == predrape_fabric()
-    return [] if is_knit or self.attempts[0].draped else list(items)
+    return [] if is_knit or self.attempts[0].starts_dressed else list(items)
 
 
 def test_what_crosses_in_limp_cloth_though_it_began_sewn_starts_from_its_shape_in_a_knit(
@@ -72,12 +73,12 @@ def test_that_start_is_made_once_for_all_fabrics_with_the_bits_of_each_alone(mon
     monkeypatch.setattr(Problem, "crossing_items", crosses_in_its_own_fabric)
     made: list[str] = []
 
-    def draped(*given: Any) -> Any:
+    def relaxed(*given: Any) -> None:
         made.append("")
-        return kept(*given)
+        kept(*given)
 
-    kept = predrape._draped
-    monkeypatch.setattr(predrape, "_draped", draped)
+    kept = predrape._relax_missing
+    monkeypatch.setattr(predrape, "_relax_missing", relaxed)
     scenes = [load_scene("tshirt", [*SMALL_SHIRT, f"garment.fabric={fabric}"]) for fabric in ("silk", "cotton")]
     together = fit_many(scenes, "cpu", together=2)
     assert len(made) == 1
@@ -85,10 +86,13 @@ def test_that_start_is_made_once_for_all_fabrics_with_the_bits_of_each_alone(mon
         assert np.array_equal(warp_cloth.fit(alone, device="cpu").garments[0].points, one.garments[0].points)
 
 
-def test_what_crosses_in_the_knit_too_begins_again_with_contact(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_crosses_from_there_too_begins_again_with_contact(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Problem, "crossing_items", lambda self, items: list(items))
+    monkeypatch.setattr(goal, "CROSSING_CHECKS", (100,))
     tried, contact = shirt("garment.fabric=silk"), shirt("garment.fabric=silk", "collision.cloth=true")
-    assert tried.report["attempts"][1:] == contact.report["attempts"]
+    first, second, *others = tried.report["attempts"]
+    assert (first["start"], second["start"], second["iterations"]) == ("placed", "dressed", 100)
+    assert others == contact.report["attempts"]
     assert np.array_equal(tried.garments[0].points, contact.garments[0].points)
 
 
@@ -97,14 +101,14 @@ def test_panels_far_apart_and_knits_do_not_start_so() -> None:
     outfit = load_outfit(scene)
     trial = trial_of(scene)
     assert trial is not None
-    assert draped_trial(trial, outfit) is not None
+    assert dressed_trial(trial, outfit) is not None
     (garment,) = outfit.garments
     apart = replace(outfit, garments=(replace(garment, points=garment.points * [1.0, 1.0, 4.0]),))
-    assert draped_trial(trial, apart) is None
+    assert dressed_trial(trial, apart) is None
     knit = load_scene("tshirt", SMALL_SHIRT)
     trial = trial_of(knit)
     assert trial is not None
-    assert draped_trial(trial, outfit) is None
+    assert dressed_trial(trial, outfit) is None
 
 
 def test_tried_in_company_they_have_the_bits_of_each_alone() -> None:

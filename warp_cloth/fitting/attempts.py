@@ -20,11 +20,13 @@ from warp_cloth.contact.garments import GarmentCrossings, model_crossings, model
 from warp_cloth.fitting.overlap import avatar_overlaps
 from warp_cloth.fitting.placement import LimbPlacement
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, usual_first_attempt
+from warp_cloth.garment.garment import garments_in
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.attempt import TORN, Attempt, CutShort, Ended, best_of
-from warp_cloth.model.first_attempt import draped_trial
+from warp_cloth.model.first_attempt import dressed_trial
 from warp_cloth.model.next_attempt import is_locked, next_attempt
 from warp_cloth.model.result import AttemptRun, LevelRun, Status
+from warp_cloth.scene.predrape import predrape_fabric
 from warp_cloth.solver.certificate.certifier import Measurement
 from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.goal import Outcome
@@ -191,9 +193,9 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         return any(is_locked(crossings.pairs, mesh.vertex_count) for crossings, mesh in own)
 
     def after_trial() -> Iterator[Attempt]:
-        draped = draped_trial(first.attempt, outfit) if first.outcome.cut_short is CutShort.CROSSING else None
-        if draped is not None:
-            yield draped
+        unsettled = first.outcome.cut_short is not None
+        if unsettled and (dressed := dressed_trial(first.attempt, outfit)) is not None:
+            yield dressed
         yield usual_first_attempt(first.attempt.stated, outfit, device, cache)
 
     others = after_trial()
@@ -208,6 +210,8 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
     note(first)
     while (attempt := following()) is not None:
         worn_by = outfit if attempt.begins_after is None else _worn_after(runs[attempt.begins_after], attempt.paddings)
+        if attempt.starts_dressed and not outfit.predrape_garments:
+            worn_by = replace(outfit, predrape_garments=garments_in(predrape_fabric(), outfit.garments, cache))
         problem = build_problem([attempt], [worn_by], device, cache=cache, clock=clock)
         levels: tuple[LevelRun, ...] = ()
         if attempt.begins_after is not None:
@@ -215,8 +219,6 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
             problem.place(before.outcome.points, before.problem.contacts[before.item])
         if attempt.begins_after is None or attempt.thins:
             levels = begin(problem)
-        if attempt.draped and any(level.status is not Status.AT_REST for level in levels):
-            continue  # it crosses in a knit, too
         clock.begin("relax")
         outcome = relax(problem)
         clock.lap("relax")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,13 +15,12 @@ from warp_cloth.fitting.attempts import end_crossings, relax_alone
 from warp_cloth.fitting.film import Dressing
 from warp_cloth.fitting.posed_start import start_posed, start_thinned
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse
-from warp_cloth.garment.garment import garments_in
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.model.attempt import Attempt, Patience
+from warp_cloth.model.attempt import Patience
 from warp_cloth.model.first_attempt import first_attempt
 from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.scene import Scene
-from warp_cloth.scene.predrape import draping_scene_of, predrape_fabric, predrape_scene_of
+from warp_cloth.scene.predrape import predrape_scene_of
 from warp_cloth.solver.goal import Outcome
 from warp_cloth.solver.loop import relax_items
 
@@ -57,7 +57,8 @@ def build_predrape(problem: Problem, cache: Cache, clock: StageClock | None = No
         predrape_scene = predrape_scene_of(attempt.scene)
         if predrape_scene is None:
             return None
-        sources = (outfit.avatar, *outfit.predrape_garments)
+        cut = [(each.points, each.rest.topology, each.rest.edge_length) for each in outfit.predrape_garments]
+        sources = outfit.avatar, *itertools.chain.from_iterable(cut)
         untangles = attempt.stated.collision.cloth is not False
         keys.append((sources, predrape_scene.collision, predrape_scene.solver, device, untangles))
         key = cache.key(CACHE_NAME, *keys[-1])
@@ -86,8 +87,6 @@ def prepare_start(
         return start_thinned(problem, cache, clock)
     if problem.attempts[0].posed:
         return start_posed(problem, cache, clock, watched)
-    if problem.attempts[0].draped:
-        return _start_draped(problem, cache, clock)
     predrape = build_predrape(problem, cache, clock)
     clock.lap("build")
     if predrape is None:
@@ -96,31 +95,6 @@ def prepare_start(
     (levels,) = start_predraped(problem, predrape)
     clock.lap("dress")
     return levels
-
-
-def _start_draped(problem: Problem, cache: Cache, clock: StageClock) -> tuple[LevelRun, ...]:
-    """Moves a lone scene's garments to their rest shape in the fabric of a predrape, or to where cloth crosses there.
-
-    The same for all fabrics and frictions, so it is made once for each garment and avatar.
-    """
-    (scene,), (outfit,) = problem.scenes, problem.loaded
-    own = draping_scene_of(scene)
-    sources = outfit.avatar, *(of for garment in outfit.garments for of in (garment.points, garment.rest.topology))
-    make = partial(_draped, own, outfit, str(problem.model.device), cache)
-    clock.begin("dress")
-    draped: _Draped = cache.get_or_make("draped", sources, make, own.collision, own.solver, problem.model.device)
-    if draped.points is not None:
-        problem.place(draped.points)
-    clock.lap("dress")
-    return draped.runs
-
-
-def _draped(scene: Scene, outfit: Outfit, device: str, cache: Cache) -> _Draped:
-    """The rest shape in the fabric of a predrape; where cloth crosses, as it is then."""
-    attempt = Attempt(scene, scene, ends_crossing=True, trial=True)
-    worn = replace(outfit, garments=garments_in(predrape_fabric(), outfit.garments, cache))
-    outcome = relax_alone(build_problem([attempt], [worn], device, cache=cache))
-    return _Draped(None if outcome.status is Status.DIVERGED else outcome.points, (_run_of(outcome),))
 
 
 def start_predraped(problem: Problem, predrape: Predrape) -> list[tuple[LevelRun, ...]]:

@@ -125,7 +125,7 @@ class Problem:
                 limit_of(attempt.scene),
                 attempt.patience,
                 ends_crossing=attempt.ends_crossing,
-                sews=attempt.trial and not attempt.draped,
+                sews=attempt.trial and not attempt.starts_dressed,
                 turn_after=attempt.turn_after,
             )
             for attempt in self.attempts

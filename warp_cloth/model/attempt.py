@@ -49,7 +49,6 @@ class Attempt:
     slides: int = 0  # which of SLIDES without friction over the avatar this is, from 1; 0: none
     thins: bool = False  # whether the avatar is thinned within what it begins after, which is untangled there
     lifted: bool = False  # whether a posed start moves what is sewn to where it started at once, not pulled on
-    draped: bool = False  # whether it starts from the rest shape in the fabric of a predrape
     trial: bool = False  # whether it sews without contact; unless it ends well, the others begin as if it had not been
 
     @property
@@ -58,11 +57,16 @@ class Attempt:
         return self.scene.collision.cloth is True
 
     @property
+    def starts_dressed(self) -> bool:
+        """Whether it starts from the rest shape in the fabric of a predrape."""
+        return self.scene.solver.start == "dressed" and self.begins_after is None
+
+    @property
     def start(self) -> str:
         """Where it starts, for the report."""
         if self.posed:
             return "posed"
-        if self.draped:
+        if self.starts_dressed:
             return "dressed"
         return "placed" if self.begins_after is None else "earlier attempt"
 

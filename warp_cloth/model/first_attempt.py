@@ -32,7 +32,7 @@ UNSEWN = 0.05  # strain of an edge that is to be sewn, at least
 LEVEL = 0.1  # height of a sheet that lies level over its width, at most
 NEARLY_SEWN = 0.05  # [m] between two sides of a seam at most, where cloth begins as good as sewn
 METHOD_KEY = "solver.method"
-WHY_DRAPED = "in its own fabric it would cross itself as it falls"
+WHY_DRESSED = "folds of its own fabric cross as it falls, or take long to open"
 
 
 def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Attempt:
@@ -65,18 +65,19 @@ def trial_attempt(usual: Attempt, outfit: Outfit) -> Attempt | None:
     return replace(decided_attempt(scene, "accelerated", False, *why, None, last=False), trial=True)
 
 
-def draped_trial(trial: Attempt, outfit: Outfit) -> Attempt | None:
-    """A second trial, of a garment that crossed itself though it began sewn: from its rest shape in a knit.
+def dressed_trial(trial: Attempt, outfit: Outfit) -> Attempt | None:
+    """A second trial, of what began sewn and yet crossed itself or fell slowly: from its rest shape in a knit.
 
-    There it is the fabric that crosses, limp and not stretchy, in folds that it would have to undo with contact: the
-    shipped T-shirt in silk, and in three other fabrics of nine, takes a fifth to a third of the time so. Other garments
-    cross in any fabric, as their panels are drawn together. None: it is of those, or is a knit.
+    There it is the fabric, limp and not stretchy, whose folds cross, or take long to open. The shipped T-shirt in
+    silk, and in three other fabrics of nine, takes a third of the time so, or less. Other garments cross in any fabric,
+    as their panels are drawn together. None: it is of those, or is a knit.
     """
     scene = trial.stated
     (spec,), (garment,) = scene.garments, outfit.garments
     if spec.fabric == predrape_fabric() or garment.rest.sheet is None or _widest_gap(garment) > NEARLY_SEWN:
         return None
-    return replace(trial, draped=True, choices=(*trial.choices, Choice("solver.start", "dressed", WHY_DRAPED)))
+    dressed = updated(trial.scene, solver=updated(trial.scene.solver, start="dressed"))
+    return replace(trial, scene=dressed, choices=(*trial.choices, Choice("solver.start", "dressed", WHY_DRESSED)))
 
 
 def may_begin_posed(scene: Scene, outfit: Outfit) -> bool:

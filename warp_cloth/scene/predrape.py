@@ -23,11 +23,8 @@ def predrape_fabric() -> Fabric:
 
 def predrape_scene_of(scene: Scene) -> Scene | None:
     """The scene of the predrape; None if the garments start as placed."""
-    return draping_scene_of(scene) if scene.solver.start == "dressed" else None
-
-
-def draping_scene_of(scene: Scene) -> Scene:
-    """The scene in the fabric of a predrape, from where its garments are placed, without contact of cloth."""
+    if scene.solver.start != "dressed":
+        return None
     fabric = predrape_fabric()
     avatar = scene.avatar
     return scene.model_copy(
