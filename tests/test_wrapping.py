@@ -87,15 +87,21 @@ def test_a_sound_body_is_not_wrapped() -> None:
     assert sound().notes == ()
 
 
-def test_a_ball_is_wrapped_by_a_ball() -> None:
-    ball = sphere(radius=0.5, centre=(0.0, 0.0, 0.0))
-    points, triangles = wrapped(ball.points, ball.triangles)
-    cell = 1.0 / CELLS
-    distance = np.linalg.norm(points, axis=1) - 0.5
-    assert np.abs(distance).max() < 1.5 * cell
+def test_balls_are_wrapped_by_balls() -> None:
+    centres = np.array([[0.0, 0.0, 0.0], [1.1, 1.1, 0.0]])
+    one = sphere(radius=0.5, centre=(0.0, 0.0, 0.0))
+    triangles = np.vstack([one.triangles, one.triangles + len(one.points)])
+    points, triangles = wrapped(np.vstack([one.points + centre for centre in centres]), triangles)
+    distance = np.linalg.norm(points[:, None] - centres, axis=2).min(axis=1) - 0.5
+    assert np.abs(distance).max() < 1.5 * 2.1 / CELLS
     corners = points[triangles]
     volume = np.einsum("ni,ni->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
-    assert volume == pytest.approx(np.pi / 6.0, rel=0.05)
+    assert volume == pytest.approx(np.pi / 3.0, rel=0.05)
+
+
+def test_what_nothing_sticks_out_of_is_not_wrapped() -> None:
+    ball = sphere(radius=0.5, centre=(3.0, 2.0, 1.0))
+    assert all(len(of) == 0 for of in wrapped(ball.points, ball.triangles))
 
 
 def test_a_floor_under_a_body_is_not_wrapped_with_it() -> None:

@@ -19,20 +19,26 @@ MARGIN = 3  # empty cells round it
 SAMPLES_PER_CELL = 2.0  # along the edges of a triangle
 MOST_PER_EDGE = 2 * CELLS  # samples; no edge is longer than the body
 SMOOTHING = 1.0  # cells, the standard deviation
+FILLED = 0.4  # of the box round it: more, and nothing sticks out; people fill a quarter at most, a ball half of it
 THINNEST = 1e-3  # of the extent; parts with less volume over area are sheets, which have no limbs: a floor, hair
 
 
 def wrapped(points: Points, triangles: Indices) -> tuple[Points, Indices]:
-    """The points [m] and triangles of a surface wrapped round a closed one; without triangles where nothing is in it.
+    """The points [m] and triangles of a surface wrapped round a closed one.
+
+    There are no triangles where nothing is in it, or where nothing sticks out of it that could be a limb.
 
     Args:
         points: vertices [m], shape [V, 3].
         triangles: shape [F, 3].
     """
+    corners = points[triangles]
+    box = np.ptp(corners.reshape(-1, 3), axis=0)
+    if abs(_volumes(corners - points[0]).sum()) > FILLED * box.prod():
+        return points[:0], triangles[:0]
     from scipy import ndimage
 
-    corners = points[triangles]
-    extent = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+    extent = float(box.max())
     corners = corners[~_is_sheet(points, triangles, THINNEST * extent)]
     spacing = extent / CELLS
     origin = corners.reshape(-1, 3).min(axis=0) - MARGIN * spacing
@@ -51,11 +57,20 @@ def _is_sheet(points: Points, triangles: Indices, thinnest: float) -> NDArray[np
     a, b, c = triangles.T
     part = connected_components(len(points), np.concatenate([a, b]), np.concatenate([b, c]))[a]
     corners = points[triangles] - points[part][:, None]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    volume = np.bincount(part, np.einsum("ij,ij->i", corners[:, 0], normal) / 6.0, len(points))
-    area = np.bincount(part, 0.5 * row_lengths(normal), len(points))
+    volume = np.bincount(part, _volumes(corners), len(points))
+    area = np.bincount(part, 0.5 * row_lengths(_normals(corners)), len(points))
     thin = (np.abs(volume) <= thinnest * area)[part]
     return np.zeros(len(triangles), dtype=bool) if thin.all() else np.asarray(thin)
+
+
+def _normals(corners: Points) -> Points:
+    """Normals of triangles, shape [F, 3, 3], as long as twice their areas [m2], shape [F, 3]."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _volumes(corners: Points) -> NDArray[np.float64]:
+    """The volume between each triangle and the origin [m3], shape [F]."""
+    return np.asarray(np.einsum("ij,ij->i", corners[:, 0], _normals(corners)) / 6.0)
 
 
 def _samples(corners: Points, apart: float) -> Points:
