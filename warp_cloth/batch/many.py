@@ -20,7 +20,7 @@ from warp_cloth.batch.gpu_queue import GpuLease
 from warp_cloth.batch.loading import LoadCache
 from warp_cloth.batch.memory import MemoryNeed, available_bytes, grouped_by_avatar, memory_need, split_to_fit
 from warp_cloth.batch.warm_kernels import load_kernels
-from warp_cloth.fitting.attempts import finished_runs, relax_alone, relax_problem, tried_further
+from warp_cloth.fitting.attempts import Run, dressed_after, finished_runs, relax_alone, relax_problem, tried_further
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.fitting.measured_maps import with_maps
@@ -174,7 +174,11 @@ def _fit_together(
     firsts = finished_runs(problem, outcomes, levels, copies=copies)
     clock.lap("measure")
     begin = partial(prepare_start, cache=cache, clock=clock)
-    courses = [tried_further(first, begin, relax_alone, cache=cache, clock=clock) for first in firsts]
+    seconds = _dressed_together(firsts, device, cache, clock, copies)
+    courses = [
+        tried_further(first, begin, relax_alone, cache=cache, clock=clock, second=seconds.get(item))
+        for item, first in enumerate(firsts)
+    ]
     results = finish_fits(courses, clock=clock, copies=copies)
     for item, course in enumerate(courses):
         possible = [name for name in map_names if scenes[item].avatar is not None or not MAPS[name].needs_avatar]
@@ -182,3 +186,25 @@ def _fit_together(
             run = course.best
             results[item] = with_maps(results[item], possible, run.problem, run.item)
     return [Fit.of(result) for result in results]
+
+
+def _dressed_together(
+    firsts: Sequence[Run], device: str, cache: Cache, clock: StageClock, copies: int
+) -> dict[int, Run]:
+    """The second trials of those items, by their numbers, that are tried so: relaxed together, as the first were."""
+    wanted = {item: found for item, run in enumerate(firsts) if (found := dressed_after(run, cache)) is not None}
+    if len(wanted) < 2:
+        return {}
+    attempts, outfits = zip(*wanted.values(), strict=True)
+    problem = build_problem(attempts, outfits, device, cache=cache, clock=clock)
+    predrape = build_predrape(problem, cache, clock)
+    if predrape is None:
+        raise ValueError("the second trials start dressed")
+    clock.begin("dress")
+    levels = start_predraped(problem, predrape)
+    clock.lap("dress")
+    outcomes = relax_problem(problem)
+    clock.lap("relax")
+    runs = finished_runs(problem, outcomes, levels, copies=copies)
+    clock.lap("measure")
+    return dict(zip(wanted, runs, strict=True))

@@ -169,7 +169,20 @@ def end_crossings(problem: Problem, outcomes: Sequence[Outcome]) -> list[Garment
     return worn_crossings(problem.outfits, [outcome.points for outcome in outcomes], model.device)
 
 
-def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock: StageClock) -> Course:
+def dressed_after(first: Run, cache: Cache) -> tuple[Attempt, Outfit] | None:
+    """The second trial that follows an item's first run, and the outfit with what it drapes; None: none does."""
+    outfit = first.problem.loaded[first.item]
+    if not first.attempt.trial or first.outcome.cut_short is None:
+        return None
+    attempt = dressed_trial(first.attempt, outfit)
+    if attempt is None:
+        return None
+    return attempt, replace(outfit, predrape_garments=garments_in(predrape_fabric(), outfit.garments, cache))
+
+
+def tried_further(
+    first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock: StageClock, second: Run | None = None
+) -> Course:
     """Further attempts at an item, until one has ended well or there is nothing else to try.
 
     Args:
@@ -178,6 +191,7 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         relax: relaxes the problem of a lone scene.
         cache: what earlier problems left of the same garments and avatars.
         clock: of the stages.
+        second: that of ``dressed_after``, where it has been made already.
     """
     device, outfit = first.problem.model.device, first.problem.loaded[first.item]
     trials: list[Run] = []
@@ -192,26 +206,29 @@ def tried_further(first: Run, begin: Begin, relax: Relax, *, cache: Cache, clock
         own = zip(modelled_crossings(outfit, device), outfit.meshes, strict=True)
         return any(is_locked(crossings.pairs, mesh.vertex_count) for crossings, mesh in own)
 
-    def after_trial() -> Iterator[Attempt]:
-        unsettled = first.outcome.cut_short is not None
-        if unsettled and (dressed := dressed_trial(first.attempt, outfit)) is not None:
+    def after_trial() -> Iterator[tuple[Attempt, Outfit]]:
+        dressed = dressed_after(first, cache) if second is None else None
+        if dressed is not None:
             yield dressed
-        yield usual_first_attempt(first.attempt.stated, outfit, device, cache)
+        yield usual_first_attempt(first.attempt.stated, outfit, device, cache), outfit
 
     others = after_trial()
 
-    def following() -> Attempt | None:
+    def following() -> tuple[Attempt, Outfit] | None:
         if not runs:
             return next(others)
         ended = [run.ended for run in runs]
         crossing = any(each.crossings for each in ended) and not all(each.good for each in ended)
-        return next_attempt(ended, outfit, locked=crossing and locked())
+        attempt = next_attempt(ended, outfit, locked=crossing and locked())
+        if attempt is None or attempt.begins_after is None:
+            return None if attempt is None else (attempt, outfit)
+        return attempt, _worn_after(runs[attempt.begins_after], attempt.paddings)
 
-    note(first)
-    while (attempt := following()) is not None:
-        worn_by = outfit if attempt.begins_after is None else _worn_after(runs[attempt.begins_after], attempt.paddings)
-        if attempt.starts_dressed and not outfit.predrape_garments:
-            worn_by = replace(outfit, predrape_garments=garments_in(predrape_fabric(), outfit.garments, cache))
+    for run in (first, second):
+        if run is not None:
+            note(run)
+    while (further := following()) is not None:
+        attempt, worn_by = further
         problem = build_problem([attempt], [worn_by], device, cache=cache, clock=clock)
         levels: tuple[LevelRun, ...] = ()
         if attempt.begins_after is not None:
