@@ -210,6 +210,7 @@ def test_columns_of_spreadsheets_and_data_frames_without_a_name_are_left_out(tmp
         ("jobs.csv", "name\tscene\na\thanging\n", "separates cells by tabs"),
         ("jobs.csv", "name,scene\n", "has no items"),
         ("jobs.csv", "", "is empty"),
+        ("jobs.parquet", "", "is empty"),
         ("jobs.parquet", "garbage", "not Parquet"),
         ("jobs.txt", "name,scene\n", "is not a format of job files"),
         ("jobs.toml", 'scene = "tshirt"\n', "needs either [[item]] tables or one [product]"),

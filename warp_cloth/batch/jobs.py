@@ -195,6 +195,8 @@ def _parquet_rows(path: Path) -> list[dict[str, Any]]:
     import pyarrow
     import pyarrow.parquet
 
+    if not path.stat().st_size:
+        raise InputError(path, "is empty", REMEDY)
     try:
         table = pyarrow.parquet.read_table(path)
     except (OSError, pyarrow.ArrowException) as error:

@@ -264,5 +264,9 @@ def _part(file: str, mesh: Any, transform: Any, metres_per_unit: float | None) -
 
 
 def _reason(error: BaseException) -> str:
+    if isinstance(error, UnicodeDecodeError):
+        return "it is not text"
+    if isinstance(error, json.JSONDecodeError):
+        return f"its JSON is cut off or damaged in line {error.lineno}, column {error.colno}"
     text = " ".join(str(error).split())[:120]
     return f"{text} ({type(error).__name__})" if text else type(error).__name__

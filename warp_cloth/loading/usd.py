@@ -115,6 +115,8 @@ def _sample_times(stage: Usd.Stage, paths: list[str]) -> list[float]:
 
 def _refuse_unreadable(file: str) -> None:
     """Refuse a file that USD cannot read in a process of its own: it might take this one down."""
+    if not Path(file).stat().st_size:
+        raise InputError(file, "the file is empty", "export it again")
     limit = PROBE_MEMORY + 16 * Path(file).stat().st_size
     # One thread: each would reserve memory of its own.
     environment = {**os.environ, "PXR_WORK_THREAD_LIMIT": "1", "MALLOC_ARENA_MAX": "1"}
