@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -64,6 +65,17 @@ def test_a_scene_is_worn_by_another_body_in_another_fabric(folder: Path, monkeyp
     assert body.mesh == folder / "ball.obj"
     shipped = load_scene("tshirt", on="ball.obj").avatar
     assert (shipped.mesh, shipped.shape) == (folder / "ball.obj", None)
+
+
+@pytest.mark.parametrize(
+    "override",
+    ["avatar.mesh=ball.obj", 'avatar={mesh="ball.obj"}', {"avatar.mesh": "ball.obj"}, {"avatar": {"mesh": "ball.obj"}}],
+)
+def test_files_of_overrides_are_found_from_the_current_folder(folder: Path, override: Any) -> None:
+    avatar = load_scene("tshirt", [override] if isinstance(override, str) else override).avatar
+    assert avatar.mesh == folder / "ball.obj"
+    (garment,) = load_scene("tshirt", ['garment=[{mesh="cloth.obj"}]']).garments
+    assert garment.mesh == folder / "cloth.obj"
 
 
 def test_it_is_the_fit_of_the_scene_that_init_writes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -176,7 +176,14 @@ def _settle_choice(table: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _path_from_here(key: str, value: Any, directory: Path) -> Any:
-    """A file that is missing in the scene's folder is taken from the current folder, where it was typed."""
+    """A file that is missing in the scene's folder is taken from the current folder, where it was typed.
+
+    So are those in a table or a list of tables.
+    """
+    if isinstance(value, dict):
+        return {name: _path_from_here(name, each, directory) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_path_from_here(key, each, directory) for each in value]
     file = key in ("mesh", "pattern", "grain_texture") or (key == "fabric" and str(value).lower().endswith(".toml"))
     if file and isinstance(value, str) and not exists(directory / value) and exists(Path(value)):
         return str(Path(value).absolute())
