@@ -92,6 +92,27 @@ def test_what_is_no_mesh_is_refused(garment: Any, said: str) -> None:
     assert str(error.value).startswith(said)
 
 
+def test_old_files_go_where_there_are_very_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenes = [load_scene((np.eye(3) * number, [[0, 1, 2]]), on="mannequin") for number in (1.0, 2.0, 3.0)]
+    files = [scene.garments[0].mesh for scene in scenes]
+    assert all(file is not None and file.exists() for file in files)
+    monkeypatch.setattr("warp_cloth.scene.held_mesh.MOST_BYTES", 100)
+    last = load_scene((np.eye(3) * 4.0, [[0, 1, 2]]), on="mannequin").garments[0].mesh
+    assert last is not None
+    assert last.exists()
+    assert not any(file is not None and file.exists() for file in files)
+
+
+def test_a_fitter_takes_another_body() -> None:
+    fitter = warp_cloth.Fitter(cloth(), ball(), device="cpu", overrides=PLAIN)
+    points, faces = ball()
+    larger = points * 1.02, faces
+    for avatar in (larger, ball()):
+        plain = warp_cloth.fit(cloth(), on=avatar, device="cpu", overrides=PLAIN)
+        assert np.array_equal(fitter.fit(avatar=avatar).garments[0].points, plain.garments[0].points)
+    assert not np.array_equal(fitter.fit(avatar=larger).garments[0].points, fitter.fit().garments[0].points)
+
+
 def test_no_file_is_left_of_them(tmp_path: Path) -> None:
     code = (
         "import warp_cloth, numpy as np\n"

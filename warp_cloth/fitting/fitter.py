@@ -49,8 +49,9 @@ class Fitter:
         if isinstance(garment, Scene):
             raise InputError("garment", "is a loaded scene, which cannot be changed", "give what it was loaded from")
         self._given = overrides_of(overrides)
-        self._load = partial(load_scene, in_file(garment, "garment", "garment"), on=in_file(avatar, "avatar", "body"))
-        self._load(self._given)
+        self._load = partial(load_scene, in_file(garment, "garment", "garment"))
+        self._avatar = in_file(avatar, "avatar", "body")
+        self._load(self._given, on=self._avatar)
         self.device = device_named(device)
         self._caches = Caches.limited()
 
@@ -60,6 +61,7 @@ class Fitter:
         fabric: Any = None,
         size: str | None = None,
         offset_mm: float | None = None,
+        avatar: str | Path | Held | None = None,
         avatar_shape: Mapping[str, Any] | None = None,
         overrides: Sequence[str] | Mapping[str, Any] = (),
         frames: int = 0,
@@ -73,6 +75,7 @@ class Fitter:
             fabric: of the garment: a shipped name, a .toml file, a table or a ``Fabric`` (``garment.fabric``).
             size: of a generated garment (``garment.shape.size``).
             offset_mm: gap between skin and cloth (``collision.offset_mm``).
+            avatar: another body: its mesh, or "mannequin".
             avatar_shape: measures of a generated body, {"chest": 1.02} (``avatar.shape``); others stay.
             overrides: other changes.
             frames: number of intermediate shapes to keep.
@@ -90,7 +93,8 @@ class Fitter:
             "avatar.shape": avatar_shape,
         }
         changes = overrides_of({key: value for key, value in named.items() if value is not None})
-        load = partial(self._load, [*self._given, *changes, *overrides_of(overrides)])
+        on = self._avatar if avatar is None else in_file(avatar, "avatar", "body")
+        load = partial(self._load, [*self._given, *changes, *overrides_of(overrides)], on=on)
         with LAUNCH_LOCK:
             self._caches = self._caches.within_limits()
             return fit_loaded(load, self.device, self._caches, frames=frames, maps=maps, start=start, progress=progress)

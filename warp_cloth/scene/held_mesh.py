@@ -23,6 +23,7 @@ class MeshLike(Protocol):
 
 Held = MeshLike | tuple[Any, Any]  # a mesh in memory, or its vertices and faces
 
+MOST_BYTES = 4 << 30
 WANTED = "give vertices, shape [V, 3], and faces, shape [F, 3]"
 
 
@@ -82,11 +83,22 @@ def _obj(points: NDArray[np.float64], corners: NDArray[np.int64], uv: NDArray[np
 
 def _written(text: bytes, stem: str) -> Path:
     """A file of this text, the same one for the same text, which caches know again."""
-    path = Path(_folder().name) / hashlib.sha256(text).hexdigest()[:16] / f"{stem}.obj"
+    folder = Path(_folder().name)
+    path = folder / hashlib.sha256(text).hexdigest()[:16] / f"{stem}.obj"
     if not path.exists():
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(text)
+        _trim(folder)
     return path
+
+
+def _trim(folder: Path) -> None:
+    """Removes the oldest files, down to half of MOST_BYTES, where there are more: a process may go on for days."""
+    files = sorted(((each.stat(), each) for each in folder.glob("*/*")), key=lambda found: -found[0].st_mtime_ns)
+    held = np.cumsum([found.st_size for found, _ in files])
+    if held[-1] > MOST_BYTES:
+        for _, path in files[max(int(np.searchsorted(held, MOST_BYTES // 2)), 1) :]:
+            path.unlink()
 
 
 @functools.cache
