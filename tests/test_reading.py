@@ -137,6 +137,17 @@ def test_a_mesh_too_far_from_its_body_is_brought_to_it(tmp_path: Path, tshirt: M
         load_outfit(load_scene(path, {"garment.translate": [0.0, 0.0, 0.01]}, on=tmp_path / "body.obj"))
 
 
+@pytest.mark.parametrize("away", [1.0, 3.0])
+def test_a_garment_with_z_up_beside_the_body_is_stood_up_and_brought_to_it(
+    tmp_path: Path, tshirt: Mesh, away: float
+) -> None:
+    outfit = read(
+        tmp_path, tshirt, lambda points: (points + np.array([away, 0.0, 0.0]))[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+    )
+    assert set(choices(outfit)) == {"up", "translate"}
+    assert outfit.meshes[0].points == pytest.approx(tshirt.points, abs=0.05)
+
+
 @pytest.mark.parametrize("faces_away", [False, True])
 def test_a_garment_on_who_faces_away_is_turned_unless_its_front_is_there(
     tmp_path: Path, tshirt: Mesh, faces_away: bool

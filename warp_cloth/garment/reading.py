@@ -96,7 +96,7 @@ def read_again(scene: Scene, cloths: Sequence[Cloth], body: Mesh | None) -> tupl
         if wearing is None:
             found = None if body is None else _scaled_onto_skin(spec, cloth.mesh, body)
         elif wearing.start_fault:
-            found = _scaled_or_stood_up(spec, cloth.mesh, wearing) or _turned(cloth, wearing) or _moved(wearing)
+            found = _scaled_or_stood_up(spec, cloth.mesh, wearing) or _turned(cloth, wearing) or _moved(spec, wearing)
         if found is None and wearing is not None and "rotate" not in spec.model_fields_set:
             found = _turned_about(cloth, wearing)
         if found is not None:
@@ -342,13 +342,23 @@ def _turned_about(cloth: Cloth, wearing: Wearing) -> Change | None:
     return None
 
 
-def _moved(wearing: Wearing) -> Change | None:
-    """The move onto the body of a garment that starts beside it and could be sewn there; None: it could not."""
+def _moved(spec: GarmentSpec, wearing: Wearing) -> Change | None:
+    """The move onto the body of a garment that starts beside it, and may have z up; None: it cannot be sewn there."""
+    found = _move_of(wearing)
+    if found is None and _may_have_z_up(spec):
+        found = _move_of(wearing.started_at(from_z_up(wearing.start)))
+        if found is not None:
+            return {"up": "z", "translate": found}, "it starts beside the body, and no limb would be in its openings"
+    return None if found is None else ({"translate": found}, "it starts beside the body")
+
+
+def _move_of(wearing: Wearing) -> tuple[float, float, float] | None:
+    """What moves a garment onto the body that it starts beside, where it could be sewn [m]; None: it could not."""
     for shift in (wearing.shift, wearing.across):
         there = wearing.started_at(wearing.start + shift)
         if float(np.linalg.norm(shift)) > BESIDE and not there.start_fault:
             x, y, z = shift.tolist()
-            return {"translate": (x, y, z)}, "it starts beside the body"
+            return x, y, z
     return None
 
 
