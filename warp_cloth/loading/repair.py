@@ -95,7 +95,7 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKey) -> Repa
     if role == "garment" and (split := split_seams(points, work.triangles)) is not None:
         welded = replace(welded, vertex=split.vertex[welded.vertex])
         raw, work = _split(raw, work, split)
-    closed = role == "garment" and _has_no_rim(raw, work)
+    closed = role == "garment" and _has_no_rim(raw, work, points)
     before = work.triangles
     work = _wound(work, points, role)
     turned = (work.triangles != before).any(axis=1)
@@ -259,14 +259,14 @@ def _split(raw: RawMesh, work: _Work, split: SplitSeams) -> tuple[RawMesh, _Work
     return replace(raw, texcoords=with_new(raw.texcoords), rest=with_new(raw.rest)), work
 
 
-def _has_no_rim(raw: RawMesh, work: _Work) -> bool:
-    """Whether every edge has two faces. Refuses one with more, but where whole layers meet at it, as at a waist."""
+def _has_no_rim(raw: RawMesh, work: _Work, points: Floats) -> bool:
+    """Whether every edge has two faces. Refuses one with more, but where layers meet at it, as at a waist."""
     edges = np.sort(edges_of(work.triangles), axis=1)
     found = unique_rows(edges)
     bad = np.flatnonzero(found.count > 2)
     if not len(bad):
         return bool((found.count == 2).all())
-    bad = bad[~layers_meet(found.number, bad)]
+    bad = bad[~layers_meet(points, work.triangles, found.number, bad)]
     if not len(bad):
         return False
     touching = np.unique(work.faces[np.flatnonzero(found.number == bad[0]) // 3])
