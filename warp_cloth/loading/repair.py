@@ -14,6 +14,7 @@ from warp_cloth.loading.layered import layers_meet
 from warp_cloth.loading.polygons import triangulated
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, counted
 from warp_cloth.loading.split_seams import SplitSeams, split_seams
+from warp_cloth.loading.thickness import shell_among
 from warp_cloth.loading.trims import trims_among
 from warp_cloth.loading.unique_rows import edges_of, unique_rows, used_ids
 from warp_cloth.loading.weld import Weld, weld
@@ -100,12 +101,13 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKey) -> Repa
     work = _wound(work, points, role)
     turned = (work.triangles != before).any(axis=1)
     trims = None
-    if role == "garment" and (loose := trims_among(points, work.triangles)).any():
-        trims = _trimmings(points, work.triangles[loose], welded.vertex)
-        count = _pieces(work.triangles[loose], len(points))
-        carried = f"{counted(count, 'loose part')} (buttons, for example) carried along with the cloth"
-        work = _Work(work.triangles[~loose], work.corners[~loose], work.faces[~loose], (*work.notes, carried))
-        turned = turned[~loose]
+    carried, notes = _carried(points, work.triangles) if role == "garment" else (np.zeros(0, dtype=bool), ())
+    if carried.any():
+        trims = _trimmings(points, work.triangles[carried], welded.vertex)
+        kept = ~carried
+        work = _Work(work.triangles[kept], work.corners[kept], work.faces[kept], (*work.notes, *notes))
+        turned = turned[kept]
+        closed = closed and _has_no_rim(raw, work, points)
     used = np.zeros(len(points), dtype=bool)
     used[work.triangles] = True
     number = np.where(used, np.cumsum(used) - 1, -1)
@@ -135,6 +137,20 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKey) -> Repa
         turned=turned,
         trims=trims,
     )
+
+
+def _carried(points: Floats, triangles: Ints) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """Which triangles the cloth carries along, as they are none of it, shape [F], and notes that say so."""
+    loose, notes = trims_among(points, triangles), []
+    if loose.any():
+        count = _pieces(triangles[loose], len(points))
+        notes.append(f"{counted(count, 'loose part')} (buttons, for example) carried along with the cloth")
+    shell = shell_among(points, triangles, ~loose)
+    if shell is not None:
+        thickness = f"modelled with its thickness ({1e3 * shell.thickness:.2g} mm)"
+        notes.append(f"{thickness}: its inner side is the cloth, which carries its outer side along")
+        loose = loose | shell.carried
+    return loose, tuple(notes)
 
 
 def _trimmings(points: Floats, triangles: Ints, welded: Ints) -> Trimmings:
