@@ -144,7 +144,7 @@ class Fit:
                 kept = arrays.get("vertex_map", kept)
                 if "trim_map" in arrays:
                     trims = arrays["trim_map"]
-                    kept = np.where(trims >= 0, trims + found.shape[1] - trims.max() - 1, kept)
+                    kept = np.where(trims >= 0, trims + found.shape[1] - int(arrays["trim_count"]), kept)
         placed = np.where((kept >= 0)[None, :, None], found[:, np.maximum(kept, 0)], start[None])
         return (placed @ home[:3, :3].T + home[:3, 3]).astype(np.float32)
 

@@ -89,11 +89,12 @@ class Mesh:
         return len(start) > 0 and np.array_equal(np.sort(start * count + end), np.sort(end * count + start))
 
     def arrays(self) -> dict[str, Any]:
-        """``vertex_map``, ``triangle_source`` and ``trim_map``, where present, by name, as stored with a result."""
+        """What loading changed, by the fields' names, as stored with a result, and how many vertices trims have."""
         found = {
             "vertex_map": self.vertex_map,
             "triangle_source": self.triangle_source,
             "trim_map": self.trim_map,
+            "trim_count": None if self.trim_points is None else np.array(len(self.trim_points)),
         }
         return {name: array for name, array in found.items() if array is not None}
 

@@ -88,7 +88,12 @@ def load_mesh(
         )
         metres = unit.metres * scale
         refuse_far(placement.moved(used * metres), raw.file)
-        sound = repaired(raw, placement.moved(in_metres(raw, metres)), role=role, rest=rest)
+
+        def mirrored() -> Floats:
+            image = replace(raw, points=raw.points * [-1.0, 1.0, 1.0])
+            return placement.moved(in_metres(image, metres))
+
+        sound = repaired(raw, placement.moved(in_metres(raw, metres)), role=role, rest=rest, mirrored=mirrored)
     except (MemoryError, OverflowError) as error:
         problem = f"is too large to load ({type(error).__name__})"
         raise InputError(path, problem, "check the file, or reduce the mesh") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
 from warp_cloth.loading.layered import layers_meet
+from warp_cloth.loading.mirrored import half_at
 from warp_cloth.loading.polygons import triangulated
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, counted
 from warp_cloth.loading.split_seams import SplitSeams, split_seams
@@ -76,8 +78,12 @@ class _Work:
         return _Work(self.triangles[keep], self.corners[keep], self.faces[keep], notes)
 
 
-def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKey) -> Repaired:
+def repaired(
+    raw: RawMesh, points: Floats, *, role: Role, rest: RestKey, mirrored: Callable[[], Floats] | None = None
+) -> Repaired:
     """Valid triangles of a checked mesh; ``points`` are its vertices in metres, shape [V, 3].
+
+    ``mirrored`` makes those of its image at the file's plane x = 0, which half a garment is completed with.
 
     A triangle without area is dropped, unless the cloth's rest shape lies in texture space and has an area
     there: a garment may start with seams or panels drawn together.
@@ -96,6 +102,8 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKey) -> Repa
     if role == "garment" and (split := split_seams(points, work.triangles)) is not None:
         welded = replace(welded, vertex=split.vertex[welded.vertex])
         raw, work = _split(raw, work, split)
+    if role == "garment" and mirrored is not None and (plane := half_at(raw.points, work.triangles)) is not None:
+        points, work = _completed(points, mirrored(), work, plane)
     closed = role == "garment" and _has_no_rim(raw, work, points)
     before = work.triangles
     work = _wound(work, points, role)
@@ -273,6 +281,20 @@ def _split(raw: RawMesh, work: _Work, split: SplitSeams) -> tuple[RawMesh, _Work
     note = f"{counted(split.joints, 'vertex')} joined with another piece whose rim they lie on, its edges split there"
     work = _Work(split.triangles, corners, work.faces[split.source], (*work.notes, note))
     return replace(raw, texcoords=with_new(raw.texcoords), rest=with_new(raw.rest)), work
+
+
+def _completed(points: Floats, mirrored: Floats, work: _Work, plane: NDArray[np.bool_]) -> tuple[Floats, _Work]:
+    """Half a garment with its mirror image, which shares the vertices at the plane."""
+    number = np.where(plane, np.arange(len(points)), len(points) + np.arange(len(points)))
+    off = ~plane[work.triangles].all(axis=1)  # a face in the plane is its own image
+    note = "half a garment: completed with its mirror image, as all of it is on one side of x = 0"
+    work = _Work(
+        np.concatenate([work.triangles, number[work.triangles[off, ::-1]]]),
+        np.concatenate([work.corners, work.corners[off, ::-1]]),
+        np.concatenate([work.faces, work.faces[off]]),
+        (*work.notes, note),
+    )
+    return np.concatenate([points, mirrored]), work
 
 
 def _has_no_rim(raw: RawMesh, work: _Work, points: Floats) -> bool:
