@@ -285,6 +285,18 @@ def test_a_hole_in_the_side_is_for_no_limb(scene: str, girth: float) -> None:
     assert found == [*wearing.limbs, ()]
 
 
+@pytest.mark.parametrize(("scene", "girth"), [("tshirt", 0.15), ("tshirt", 0.4), ("trousers", 0.15), ("skirt", 0.3)])
+def test_a_hole_in_the_middle_is_for_no_limb(scene: str, girth: float) -> None:
+    """Cut out of the front, as in lace: it was for both legs, and the garment not worn."""
+    (wearing,) = load_outfit(load_scene(scene)).wearing
+    assert wearing is not None
+    start, skeleton = wearing.start, wearing.skeleton
+    middle = 0.5 * (start.min(axis=0) + start.max(axis=0)) @ skeleton.up
+    away = np.abs((start - skeleton.middle) @ skeleton.left) + np.abs(start @ skeleton.up - middle)
+    hole = replace(wearing.openings[0], loop=np.argsort(away)[:6].astype(np.int32), girth=girth)
+    assert limbs_for([*wearing.openings, hole], start, skeleton) == [*wearing.limbs, ()]
+
+
 def test_a_body_in_inches_that_lies_down_stands_up_round_its_garment(tmp_path: Path, tshirt: Mesh) -> None:
     body = mannequin(SIZE_BODIES["M"])
     write_obj(tmp_path / "body.obj", body.points[:, [0, 2, 1]] * [1.0, -1.0, 1.0] / INCH, body.triangles)
