@@ -11,12 +11,11 @@ import pytest
 from meshfiles import ball, sheet, write_obj
 from typer.testing import CliRunner, Result
 
-from warp_cloth.anatomy.levels import body_levels
-from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.cli.main import app
 from warp_cloth.fitting.fit import fit
 from warp_cloth.garment.outfit import load_outfit
+from warp_cloth.maps.measure import MeasuredBody
 from warp_cloth.scene import MannequinShape, load_scene
 from warp_cloth.shapes import MannequinMeasures, mannequin
 
@@ -193,7 +192,9 @@ def test_a_body_beside_the_garment_is_told(folder: Path) -> None:
 def test_a_scan_measures_the_same_in_a_fit_and_by_itself(scan: Path) -> None:
     outfit = load_outfit(load_scene("cloth.obj", on="scan.obj", overrides={"avatar.units": "m"}))
     assert outfit.avatar is not None
-    fitted = {level.name: level.girth for level in body_levels(closing_of(outfit.avatar).surface(outfit.avatar)) or ()}
+    trunk = MeasuredBody.of(outfit.avatar).trunk
+    assert trunk is not None
+    fitted = {around.level.name: around.level.girth for around in trunk.named}
     assert call("avatar", "scan.obj", "--measures").exit_code == 0
     alone = json.loads(Path("out/scan_body.json").read_text())["measures_m"]
     for name in ("chest", "waist", "hip"):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.section import Section, convex_girth, cut
@@ -16,6 +18,9 @@ STEP = 0.01  # of the stature, between sections
 HIP_RANGE = (0.49, 0.55)
 WAIST_RANGE = (0.57, 0.67)
 CHEST_RANGE = (0.68, 0.73)
+# The same of chest and waist as fractions of the trunk, from the crotch up to the roots of hanging arms, and the steps:
+# neither hats, heels, a bent head nor a crown that a scan lacks move them. Arms join the section at 0.93 to 0.98.
+WAIST_OF_TRUNK, CHEST_OF_TRUNK = (0.42, 0.72, 0.03), (0.77, 0.89, 0.015)
 # A trunk that is so many times as wide as one step below includes the arms (measured: 1.6 to 2.3; at a bust, which
 # only adds to the girth in front, 1.04).
 ARMS_JOIN = 1.25
@@ -44,17 +49,48 @@ class Level:
 LevelAt = Callable[[float], Level | None]
 
 
-def body_levels(body: Mesh) -> tuple[Level, ...] | None:
+@dataclass(frozen=True, eq=False)
+class Heights:
+    """Where each level is searched for [m], from the lowest up, each of shape [N]."""
+
+    chest: NDArray[np.float64]
+    waist: NDArray[np.float64]
+    hip: NDArray[np.float64]
+
+    @classmethod
+    def of_stature(cls, floor: float, stature: float) -> Heights:
+        """Of a body of this stature [m] whose feet would stand on a floor of this height [m]."""
+        fractions = np.arange(HIP_RANGE[0], CHEST_RANGE[1] + 0.5 * STEP, STEP)
+
+        def inside(bounds: tuple[float, float]) -> NDArray[np.float64]:
+            low, high = bounds
+            return floor + fractions[(fractions >= low - 1e-9) & (fractions <= high + 1e-9)] * stature
+
+        return cls(inside(CHEST_RANGE), inside(WAIST_RANGE), inside(HIP_RANGE))
+
+    def on_trunk(self, crotch: float, roots: float) -> Heights:
+        """The same with chest and waist by a trunk's own ends: the heights of its crotch and arms' roots [m]."""
+
+        def inside(low: float, high: float, step: float) -> NDArray[np.float64]:
+            return np.asarray(crotch + np.arange(low, high + 0.5 * step, step) * (roots - crotch), dtype=np.float64)
+
+        return replace(self, chest=inside(*CHEST_OF_TRUNK), waist=inside(*WAIST_OF_TRUNK))
+
+
+def body_levels(body: Mesh, trunk: tuple[float, float] | None = None) -> tuple[Level, ...] | None:
     """Chest, waist and hip of a body that stands along y, facing +z, with head and feet, arms apart from the trunk.
 
-    None for anything else.
+    None for anything else. ``trunk``: heights of its crotch and of its arms' roots [m], where they are known.
     """
     low, high = body.bounds()
     stature = float(high[1] - low[1])
     if not STATURES[0] <= stature <= STATURES[1]:
         return None
     middle = 0.5 * float(low[0] + high[0])
-    found = trunk_levels(lambda height: trunk_level(body, height, middle), float(low[1]), stature)
+    heights = Heights.of_stature(float(low[1]), stature)
+    if trunk is not None:
+        heights = heights.on_trunk(*trunk)
+    found = trunk_levels(lambda height: trunk_level(body, height, middle), heights)
     good = tuple(level for level in found if GIRTHS[0] <= level.girth <= GIRTHS[1])
     legs = cut(body.points, body.triangles, float(low[1]) + 0.25 * stature).part_count >= 2
     neck = trunk_level(body, low[1] + NECK * stature, middle)
@@ -64,34 +100,29 @@ def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     return good if legs and headed and footed and len(good) == 3 else None
 
 
-def trunk_levels(at: LevelAt, floor: float, stature: float, top: float = np.inf) -> list[Level]:
+def trunk_levels(at: LevelAt, heights: Heights, top: float = np.inf) -> list[Level]:
     """Chest, waist and hip of a trunk along y, facing +z, as far as they are found.
 
     Args:
         at: the trunk's level at a height, without arms that are apart from it.
-        floor: height that its feet would stand on [m].
-        stature: that of the whole body [m].
+        heights: where each level is searched for.
         top: height above which the trunk is not measured [m], where that is known.
     """
-    fractions = np.arange(HIP_RANGE[0], CHEST_RANGE[1] + 0.5 * STEP, STEP)
-    fractions = fractions[floor + fractions * stature < top]
-    levels = [at(float(floor + fraction * stature)) for fraction in fractions]
+    seen = {float(height): at(float(height)) for each in (heights.hip, heights.waist, heights.chest) for height in each}
     # from the waist up, no higher than where the arms join
-    end = len(fractions)
-    waist_from = int(np.searchsorted(fractions, WAIST_RANGE[0]))
-    for index in range(waist_from + 1, len(fractions)):
-        below, here = levels[index - 1], levels[index]
-        if below is None or here is None or width(here) > ARMS_JOIN * width(below):
-            end = index
+    upwards = sorted(height for height in seen if height >= heights.waist[0])
+    for below, here in pairwise(upwards):
+        under, level = seen[below], seen[here]
+        if under is None or level is None or width(level) > ARMS_JOIN * width(under):
+            top = min(top, here)
             break
 
-    def among(name: str, bounds: tuple[float, float], sign: float) -> Level | None:
-        inside = [i for i in range(end) if bounds[0] - 1e-9 <= fractions[i] <= bounds[1] + 1e-9]
-        found = [level for level in (levels[i] for i in inside) if level is not None]
+    def among(name: str, searched: NDArray[np.float64], sign: float) -> Level | None:
+        found = [level for level in (seen[float(height)] for height in searched if height < top) if level is not None]
         best = max(found, key=lambda level: sign * level.girth, default=None)
         return None if best is None else replace(best, name=name)
 
-    chosen = (among("chest", CHEST_RANGE, 1.0), among("waist", WAIST_RANGE, -1.0), among("hip", HIP_RANGE, 1.0))
+    chosen = (among("chest", heights.chest, 1.0), among("waist", heights.waist, -1.0), among("hip", heights.hip, 1.0))
     return [level for level in chosen if level is not None]
 
 

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats, row_lengths
-from warp_cloth.anatomy.levels import CHEST_RANGE, Level, trunk_level, trunk_levels, under_bust_level, width
+from warp_cloth.anatomy.levels import Heights, Level, trunk_level, trunk_levels, under_bust_level, width
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, STEP, TRUNK, Skeleton, without_loose_parts
 from warp_cloth.anatomy.stance import ASTRIDE, STATURE, UPRIGHT, Bones, Stance, stance_of
 from warp_cloth.anatomy.tape import Plane, Tape, longest, part_of, shortest, tape_round
+from warp_cloth.anatomy.trunk_ends import trunk_ends
 from warp_cloth.base.curves import arc_lengths, curve_point
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.section import convex_hull, first_crossing
@@ -26,7 +27,8 @@ WRISTS, ANKLES, CALVES = (0.09, 0.125), (0.12, 0.16), (0.17, 0.26)
 UPPER_ARM = 0.255
 NECK_TILTS = np.radians(np.arange(0.0, 41.0, 5.0))  # of the neck's tape, lower in front
 JOINED = 1.1  # times as wide as without arms: arms are part of the section
-CHEST_STEP = 0.01  # of the stature, between levels at which arms may join the trunk
+# Of the trunk, from the crotch to the arms' roots, where arms join its section at the lowest: at 0.87 in the heaviest.
+ARMPITS = 0.85
 NECKS, NECK_STEP = (0.78, 0.89), 0.005  # of the stature: where the neck's narrowest level section is looked for
 NECK_SHIFTS = np.linspace(-0.015, 0.015, 7)  # of the stature, along the neck, from there
 NECK_AROUND = 0.1  # of the stature, round its middle: what the tape may touch
@@ -187,23 +189,40 @@ class Figure:
     @cached_property
     def levels(self) -> dict[str, Level]:
         """Levels of the trunk by name."""
-        chosen = trunk_levels(self.level_at, self.floor, self.stature, self._arms_join)
-        found = {level.name: level for level in chosen}
+        found = {level.name: level for level in trunk_levels(self.level_at, self._heights, self._arms_join)}
+        if self._lacks_armpits:
+            found.pop("chest", None)
         if "chest" in found and "waist" in found:
             below = under_bust_level(self.level_at, found["chest"], found["waist"])
             if below is not None:
                 found["under_bust"] = below
         return found
 
-    @property
-    def _arms_join(self) -> float:
-        """Height in the frame from which arms are part of the trunk's section [m]; infinite: above the chest.
+    @cached_property
+    def trunk_ends(self) -> tuple[float, float]:
+        """Heights of the crotch and of the roots of the arms, if they hung, in the frame [m]."""
 
-        Arms that touch the trunk below the chest, too, are taken off it by their vertices alone.
-        """
-        heights = self.floor + self.stature * np.arange(CHEST_RANGE[0], CHEST_RANGE[1] + 0.5 * CHEST_STEP, CHEST_STEP)
-        joined = [self._joined(float(height)) for height in heights]
-        return float(heights[joined.index(True)]) - 1e-9 if any(joined) and not joined[0] else np.inf
+        def at(height: float) -> Level | None:
+            return trunk_level(self.trunk, height, self.middle)
+
+        return trunk_ends(self.skeleton, self.stance, at, self.frame[1], self.floor, self.stature, self.crotch)
+
+    @cached_property
+    def _heights(self) -> Heights:
+        """Where each level is searched for, in the frame."""
+        return Heights.of_stature(self.floor, self.stature).on_trunk(*self.trunk_ends)
+
+    @cached_property
+    def _arms_join(self) -> float:
+        """Height in the frame from which arms are part of the trunk's section [m]; infinite: above the chest."""
+        joined = (float(height) for height in self._heights.chest if self._joined(float(height)))
+        return next(joined, np.inf)
+
+    @property
+    def _lacks_armpits(self) -> bool:
+        """Whether arms are part of the trunk's section so low that where they leave it cannot be known."""
+        crotch, roots = self.trunk_ends
+        return self._arms_join < crotch + ARMPITS * (roots - crotch)
 
     def _joined(self, height: float) -> bool:
         """Whether arms are part of the trunk's section at a height in the frame."""
@@ -221,6 +240,8 @@ class Figure:
             level = self.levels.get(name)
             if name == "hip" and not self.legs_along(ASTRIDE):
                 found[name] = _missing(name, "the hips are bent, or the legs apart")
+            elif self._lacks_armpits and name in ("chest", "under_bust"):
+                found[name] = _missing(name, "the arms are grown together with the trunk where it is to be")
             elif level is None:
                 found[name] = _missing(name, f"no section of the trunk is its {name.replace('_', ' ')}")
             else:
