@@ -368,7 +368,8 @@ class AvatarContact:
         closing = self._closing
         if closing is None:
             return {"holes_closed": 0, "lids_m2": 0.0, "sheets_left_out": 0}
-        return {"holes_closed": closing.holes, "lids_m2": closing.lid_area, "sheets_left_out": closing.sheets}
+        made = {"holes_closed": closing.holes, "lids_m2": closing.lid_area, "sheets_left_out": closing.sheets}
+        return {**made, "worn_parts": closing.worn} if closing.worn else made
 
     def _audit(
         self, buffers: Any, sampled: Any, exact: ExactCollider, near: Callable[[], NearSurface]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.avatar.clothes import worn_parts
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.lids import cones, with_tips
 from warp_cloth.base.mesh import Indices, Mesh, Points
@@ -29,6 +30,7 @@ class Closing:
     lid_area: float  # of the cones over them [m2]
     sheets: int  # parts left out
     encloses: bool  # whether there is a solid at all
+    worn: int = 0  # parts of the solid that another part wears: clothes
 
     def points(self, vertices: Points) -> Points:
         """The avatar's vertices [m], shape [V, 3], and the tips."""
@@ -87,6 +89,7 @@ def _closing_of(mesh: Mesh) -> Closing:
         lid_area=float(face_area[lid].sum()),
         sheets=len(np.unique(part[~included])),
         encloses=encloses,
+        worn=worn_parts(points, triangles[included], part[included], rims),
     )
 
 

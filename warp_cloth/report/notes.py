@@ -18,8 +18,14 @@ def notes_of(report: Mapping[str, Any]) -> list[str]:
     notes += [f"avatar: {note}" for note in (report.get("avatar") or {}).get("notes", ())]
     contact = report.get("contact") or {}
     sheets, lids = contact.get("sheets_left_out"), contact.get("lids_m2") or 0.0
+    worn = contact.get("worn_parts")
+    if worn:
+        notes.append(
+            f"avatar: {counted(worn, 'part')} of its mesh {'is' if worn == 1 else 'are'} worn by the rest, as clothes "
+            "are; cloth lies on them as on the body. If that is not meant, give the body without them"
+        )
     if holes := contact.get("holes_closed"):
-        is_large = lids > LARGE_LID
+        is_large = lids > LARGE_LID and not worn
         area = f"{lids:.2g} m2" if is_large else f"{short_number(1e4 * lids)} cm2"
         question = (
             ": is part of the body missing, such as the half that a mirror modifier would add? A scan's holes are "
