@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.anatomy.linking import COVERED, LOPSIDED
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, skeleton_or_reason
-from warp_cloth.avatar.openings import Opening
 from warp_cloth.base.connected import connected_components
 from warp_cloth.garment.falling import Catcher
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import TORN
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
 from warp_cloth.model.result import Status
+from warp_cloth.report.armless import has_no_limb
 from warp_cloth.report.judged import Judged, listed
 from warp_cloth.report.trunk import too_narrow, too_short
 
@@ -33,8 +33,6 @@ LOWEST_TOP = 0.67
 FROM_BUST = 0.33
 LEVEL = 0.01  # of the avatar's height, up to which openings start at one height
 NECK = 0.8  # of the avatar's height, above which a top opening is a collar or a hood
-# Of the girth of a neckline: less of the body is above it on a dress form. A head is a third of it high, or more.
-HEADLESS = 0.25
 NARROWEST = 0.06  # of the avatar's height: the girth of an opening for a limb; less is a buttonhole
 SCRAP = 0.1  # of the vertices of a garment's largest piece; what has fewer does not tell where the garment hangs
 DETACHED = 0.1  # [m]; a piece of a garment that falls farther than the largest piece has come off
@@ -253,7 +251,7 @@ def empty_openings(judged: Judged) -> Iterator[FitProblem]:
         if not opening.filled
         and opening.girth > narrowest
         and judged.points[opening.vertices, 1].max() > low[1]  # below a bust, or the feet, there is nothing to enclose
-        and not _has_no_limb(judged, opening, own)
+        and not has_no_limb(judged, opening, own)
     ]
     if not empty:
         return
@@ -268,21 +266,6 @@ def empty_openings(judged: Judged) -> Iterator[FitProblem]:
         {"openings": len(empty), "girth_mm": 1e3 * girth},
         vertices=listed(np.concatenate([opening.vertices for opening in empty])),
     )
-
-
-def _has_no_limb(judged: Judged, empty: Opening, own: Sequence[Opening]) -> bool:
-    """Whether a dress form has no limb for an opening of a garment: no head, and nothing as far out as the opening."""
-    body, filled = judged.of.body, [opening for opening in own if opening.filled]
-    if body is None or not filled or judged.of.outfit.wearing[judged.index] is not None:
-        return False
-    centres = [judged.points[opening.vertices].mean(axis=0) for opening in filled]
-    neck, neckline = max(zip(centres, filled, strict=True), key=lambda pair: float(pair[0][1]))
-    centre = judged.points[empty.vertices].mean(axis=0)
-    height, out = body.points[:, 1], (centre - neck) * [1.0, 0.0, 1.0]
-    if height.max() - neck[1] > HEADLESS * neckline.girth:
-        return False
-    level = body.points[height > centre[1] - empty.girth]  # with it, or above
-    return bool(((level - neck) @ out < out @ out).all())
 
 
 def _unlimbed(judged: Judged) -> str:
