@@ -39,13 +39,19 @@ def understand(body: Mesh) -> Person:
 
 
 def _wrapped(skeleton: Skeleton) -> tuple[str, ...]:
-    """A note where the limbs were not found on the body's own surface."""
-    if not skeleton.is_of_wrap:
-        return ()
-    return (
-        "its own surface does not show its limbs (rough, torn, in pieces, or folded): they were found on one wrapped "
-        "round it, and measures may be off by some centimetres",
-    )
+    """Notes where the limbs were not found on the body's own surface, or on part of it."""
+    notes = []
+    if skeleton.is_of_wrap:
+        notes.append(
+            "its own surface does not show its limbs (rough, torn, in pieces, or folded): they were found on one "
+            "wrapped round it, and measures may be off by some centimetres"
+        )
+    if skeleton.is_on_ground:
+        notes.append(
+            "its feet are grown together with a floor or a plinth, which is left out with the soles: lengths down to "
+            "the floor are some centimetres too short"
+        )
+    return tuple(notes)
 
 
 def _left_out(body: Mesh, skeleton: Skeleton) -> tuple[str, ...]:

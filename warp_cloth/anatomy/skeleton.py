@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines, nearest_points, row_lengths
+from warp_cloth.anatomy.ground import above_ground
 from warp_cloth.anatomy.wrapping import wrapped
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.curves import arc_lengths
@@ -67,6 +68,7 @@ class Skeleton:
     station: Floats  # where it is along its limb's curve, 0 to 1, shape [V]
     own: NDArray[np.bool_]  # the vertices of the connected part that has the limbs, shape [V]
     is_of_wrap: bool = False  # found on a surface wrapped round the body, as its own does not show the limbs
+    is_on_ground: bool = False  # the body is grown together with a floor or a plinth, which is not its own
 
     @property
     def middle(self) -> Points:
@@ -140,6 +142,9 @@ def skeleton_or_reason(body: Mesh) -> Skeleton | str:
     if isinstance(found, Skeleton):
         number = np.arange(body.vertex_count)
         return found if len(points) == len(number) else _of_vertices(found, body.points, number, found.own[number])
+    standing = _on_ground(body, points, triangles)
+    if standing is not None:
+        return standing
     wrap, faces = wrapped(points, triangles)
     retried = _skeleton_of(wrap, faces, mesh_edges(faces, len(wrap))) if len(faces) else found
     if isinstance(retried, str):
@@ -147,6 +152,25 @@ def skeleton_or_reason(body: Mesh) -> Skeleton | str:
     number = nearest_points(wrap, body.points)
     found = _of_vertices(retried, body.points, number, _mostly(retried.own[number], body))
     return replace(found, is_of_wrap=True)
+
+
+def _on_ground(body: Mesh, points: Points, triangles: Indices) -> Skeleton | None:
+    """The skeleton of who is grown together with a floor or a plinth; None: there is none."""
+    above = above_ground(points, triangles)
+    if above is None or not len(above):
+        return None
+    used, corners = np.unique(above, return_inverse=True)
+    found = skeleton_or_reason(Mesh(body.name, points[used], corners.reshape(-1, 3).astype(np.int32)))
+    if isinstance(found, str):
+        return None
+    tips = np.array([curve[-1] for curve in found.curves])
+    off = points[:, None] - tips
+    limb, station = np.einsum("vlc,vlc->vl", off, off).argmin(axis=1).astype(np.int8), np.ones(len(points))
+    own = np.zeros(len(points), dtype=np.bool_)
+    limb[used], station[used], own[used] = found.limb, found.station, found.own
+    count = body.vertex_count
+    limbs = replace(found, skin=body.points, limb=limb[:count], station=station[:count], own=own[:count])
+    return replace(limbs, is_on_ground=True)
 
 
 def _of_vertices(found: Skeleton, points: Points, number: NDArray[np.int64], own: NDArray[np.bool_]) -> Skeleton:
