@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.anatomy.finer import divided
 from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines, nearest_points, row_lengths
 from warp_cloth.anatomy.ground import above_ground
 from warp_cloth.anatomy.wrapping import wrapped
@@ -40,6 +41,7 @@ MIDDLE_SLICE = 8  # the waist
 ENDS = 3  # slices at either end of the trunk that are a shoulder's, or a thigh's
 SMALLEST_SPAN = 0.3  # [m]; a doll's
 SHORTEST_LEG = 0.2  # of the span, from the toes to the crotch: 0.43 in people
+COARSE = 4000  # triangles; where fewer show no limbs, they are divided
 PART = 0.01  # of the largest part's area, that another part may have limbs from: a scan may have its floor
 MOST_PARTS = 3  # that are looked at
 FLAT = 0.01  # of the span, the least spread of a trunk's vertices in any direction; 0.03 in people
@@ -139,6 +141,11 @@ def skeleton_or_reason(body: Mesh) -> Skeleton | str:
         points, triangles = with_tips(body.points, rims), np.vstack([body.triangles, lids.astype(np.int32)])
         edges = mesh_edges(triangles, len(points))
     found = _skeleton_of(points, triangles, edges)
+    if isinstance(found, str) and len(triangles) < COARSE:
+        finer, faces = divided(*divided(points, triangles))  # the body's own vertices stay the first
+        retried = _skeleton_of(finer, faces, mesh_edges(faces, len(finer)))
+        if isinstance(retried, Skeleton):
+            points, found = finer, retried
     if isinstance(found, Skeleton):
         number = np.arange(body.vertex_count)
         return found if len(points) == len(number) else _of_vertices(found, body.points, number, found.own[number])
