@@ -84,6 +84,25 @@ def test_the_shirt_is_worn_as_it_was_cut(shirt: Shirt) -> None:
     assert found.message == "Worn, if it is at rest."
 
 
+@pytest.mark.parametrize("sideways", [0.0, 0.1])
+def test_a_hole_that_is_cut_out_of_it(shirt: Shirt, tmp_path: Path, sideways: float) -> None:
+    """As in lace; it was taken for an opening of the legs that encloses nothing."""
+    write_obj(tmp_path / "body.obj", shirt.body.points, shirt.body.triangles)
+    place = shirt.skeleton.middle + 0.3 * shirt.skeleton.forward + 0.1 * shirt.skeleton.up
+    away = (shirt.points - place - sideways * shirt.skeleton.left) @ np.stack(
+        [shirt.skeleton.left, shirt.skeleton.up]
+    ).T
+    is_front = (shirt.points - shirt.skeleton.middle) @ shirt.skeleton.forward > 0.03
+    distance = np.linalg.norm(away, axis=1)
+    hole = (distance < 0.03) & is_front
+    off = np.where(is_front, 0.1 * np.exp(-((distance / 0.06) ** 2)), 0.0)  # its rim is clear of the skin
+    points = shirt.points + off[:, None] * shirt.skeleton.forward
+    faces = shirt.triangles[~hole[shirt.triangles].any(axis=1)]
+    used, corners = np.unique(faces, return_inverse=True)
+    lace = replace(shirt, points=points[used], triangles=corners.reshape(-1, 3).astype(np.int32), folder=tmp_path)
+    assert lace.codes(lace.points) == set()
+
+
 def test_an_arm_outside_its_sleeve(shirt: Shirt) -> None:
     """The sleeve lies before the arm, clear of it."""
     worn = shirt.points.copy()

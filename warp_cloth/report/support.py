@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.linking import COVERED, LOPSIDED
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, skeleton_or_reason
+from warp_cloth.avatar.openings import Opening
 from warp_cloth.base.connected import connected_components
 from warp_cloth.garment.falling import Catcher
 from warp_cloth.loading.raw import counted
@@ -252,6 +253,7 @@ def empty_openings(judged: Judged) -> Iterator[FitProblem]:
         and opening.girth > narrowest
         and judged.points[opening.vertices, 1].max() > low[1]  # below a bust, or the feet, there is nothing to enclose
         and not has_no_limb(judged, opening, own)
+        and not _is_cut_out(judged, opening)
     ]
     if not empty:
         return
@@ -266,6 +268,16 @@ def empty_openings(judged: Judged) -> Iterator[FitProblem]:
         {"openings": len(empty), "girth_mm": 1e3 * girth},
         vertices=listed(np.concatenate([opening.vertices for opening in empty])),
     )
+
+
+def _is_cut_out(judged: Judged, empty: Opening) -> bool:
+    """Whether an opening is for no limb, as a hole in lace, while others in the same piece of cloth are for some."""
+    wearing = judged.of.outfit.wearing[judged.index]
+    if wearing is None:
+        return False
+    place, pairs = empty.vertices[0], list(zip(wearing.openings, wearing.limbs, strict=True))
+    is_own = any(not limbs and place in opening.loop for opening, limbs in pairs)
+    return is_own and any(limbs and np.isfinite(opening.distances[place]) for opening, limbs in pairs)
 
 
 def _unlimbed(judged: Judged) -> str:
