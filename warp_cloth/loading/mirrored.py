@@ -39,7 +39,13 @@ def half_at(points: Floats, triangles: Ints) -> NDArray[np.bool_] | None:
     ends, place, degree = np.unique(cut, return_inverse=True, return_counts=True)
     line = connected_components(len(ends), *place.reshape(-1, 2).T)
     is_open = np.isin(line, line[degree == 1])
-    if not is_open.any():
+    if not is_open.any() or degree.max() > 2 or _is_straight(points[ends[is_open], 1:]):
         return None
     spanned = np.sort(np.ptp(points[ends[is_open], 1:], axis=0) / sizes)
     return at_plane if spanned[0] >= ALSO and spanned[1] >= SPANNED else None
+
+
+def _is_straight(places: Floats) -> bool:
+    """Whether points in a plane are about in one line, as the edge of a slanting sheet; shape [N, 2]."""
+    sizes = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    return bool(len(sizes) < 2 or sizes[1] <= FLAT * sizes[0])
