@@ -285,7 +285,7 @@ def test_a_hole_in_the_side_is_for_no_limb(scene: str, girth: float) -> None:
     assert found == [*wearing.limbs, ()]
 
 
-@pytest.mark.parametrize(("scene", "girth"), [("tshirt", 0.15), ("tshirt", 0.4), ("trousers", 0.15), ("skirt", 0.3)])
+@pytest.mark.parametrize(("scene", "girth"), [("tshirt", 0.15), ("tshirt", 0.2), ("trousers", 0.15), ("skirt", 0.3)])
 def test_a_hole_in_the_middle_is_for_no_limb(scene: str, girth: float) -> None:
     """Cut out of the front, as in lace: it was for both legs, and the garment not worn."""
     (wearing,) = load_outfit(load_scene(scene)).wearing

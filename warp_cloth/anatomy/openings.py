@@ -15,9 +15,9 @@ from warp_cloth.base.topology import Topology
 NARROWEST = 0.09  # [m]; the girth of a child's cuff. A shorter loop is a buttonhole
 RINGS = 4  # of cloth behind an opening, where the cloth is a tube: a hand may end within a sleeve
 SLIT = 0.06  # of the body's span: the girth up to which an opening on one side is a slit, which no hand goes through
-# Of the body's span: the girth from which on an opening in the middle may go round a trunk. The slimmest waist of 36
-# bodies is 0.4, and an elastic one is narrower at rest. What is less, below the highest, is cut out of the cloth.
-TRUNK = 0.25
+# Of the girth of the highest opening in the middle, a neckline or a waist: a narrower one below is cut out, as in lace.
+# Not of the body's, as a file's unit is told by the limbs.
+CUT_OUT = 0.5
 LATERAL = 0.045  # of the body's span, from its middle: an opening farther off is for one limb
 ACROSS = 0.2  # of an opening's width on the lesser side of the middle: a hem is no leg's, however far it flares
 HEM = 0.7  # girth of a hem over a sleeve's, at least; a keyhole is smaller
@@ -187,7 +187,8 @@ def _limbs_of_piece(openings: Sequence[Opening], points: Points, cloth: Points, 
     is_cape = not found and len(in_middle) > 0 and up[in_middle[0]] > shoulders
     for place, number in enumerate(in_middle):
         for_head = place == 0 and sleeves
-        is_cut_out = place > 0 and openings[number].girth < TRUNK * skeleton.span
+        narrow = openings[number].girth < CUT_OUT * openings[in_middle[0]].girth
+        is_cut_out = place > 0 and narrow and not is_hem(number)
         for_trunk: Limbs = () if is_cut_out else LEGS
         found[number] = (HEAD,) if is_cape else (HEAD, *sorted(set(ARMS) - sleeves)) if for_head else for_trunk
     return [found.get(number, ()) for number in range(len(openings))]
