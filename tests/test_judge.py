@@ -94,7 +94,7 @@ def test_a_hole_that_is_cut_out_of_it(shirt: Shirt, tmp_path: Path, sideways: fl
     ).T
     is_front = (shirt.points - shirt.skeleton.middle) @ shirt.skeleton.forward > 0.03
     distance = np.linalg.norm(away, axis=1)
-    hole = (distance < 0.03) & is_front
+    hole = (distance < 0.015) & is_front
     off = np.where(is_front, 0.1 * np.exp(-((distance / 0.06) ** 2)), 0.0)  # its rim is clear of the skin
     points = shirt.points + off[:, None] * shirt.skeleton.forward
     faces = shirt.triangles[~hole[shirt.triangles].any(axis=1)]
