@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from warp_cloth.anatomy.person import Person, understand
-from warp_cloth.anatomy.skeleton import HEAD, LEFT_LEG, RIGHT_ARM, Skeleton
-from warp_cloth.anatomy.wrapping import CELLS, wrapped
+from warp_cloth.anatomy.skeleton import HEAD, LEFT_LEG, RIGHT_ARM, Skeleton, skeleton_or_reason
+from warp_cloth.anatomy.wrapping import CELLS, _samples, wrapped
 from warp_cloth.base.lids import cones, with_tips
-from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.loading import load_mesh
 from warp_cloth.shapes import mannequin, sphere
 
@@ -112,3 +112,27 @@ def test_a_floor_under_a_body_is_not_wrapped_with_it() -> None:
     under = np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32) + start
     points, _ = wrapped(np.vstack([body.points, corners]), np.vstack([body.triangles, under]))
     assert np.abs(points[:, 2]).max() < 0.5
+
+
+def test_samples_are_dense_enough_and_few_where_a_triangle_is_thin() -> None:
+    rng, apart = np.random.default_rng(3), 0.01
+    thin = np.array([[[0.0, 0.0, 0.0], [0.002, 0.0, 0.0], [0.5, 0.9, 0.0]]])
+    assert len(_samples(thin, apart)) < 400
+    for corners in (thin, rng.uniform(0.0, 0.2, (4, 3, 3))):
+        weights = rng.dirichlet([1.0, 1.0, 1.0], 500)
+        inside = (weights @ corners).reshape(-1, 3)
+        off = np.linalg.norm(inside[:, None] - _samples(corners, apart), axis=2).min(axis=1)
+        assert off.max() <= apart
+
+
+def test_a_torn_body_on_no_floor_is_wrapped_at_most_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    body, made = sound().body, []
+    kept = np.random.default_rng(117).random(body.triangle_count) > 0.7
+
+    def counted(points: Points, triangles: Indices) -> tuple[Points, Indices]:
+        made.append("")
+        return wrapped(points, triangles)
+
+    monkeypatch.setattr("warp_cloth.anatomy.skeleton.wrapped", counted)
+    skeleton_or_reason(Mesh("torn", body.points, body.triangles[kept]))
+    assert len(made) <= 2

@@ -133,6 +133,11 @@ def skeleton_of(body: Mesh) -> Skeleton | None:
 
 def skeleton_or_reason(body: Mesh) -> Skeleton | str:
     """The skeleton of a person's body, or why there is none: a clause about the body."""
+    return _found_in(body, may_stand=True)
+
+
+def _found_in(body: Mesh, *, may_stand: bool) -> Skeleton | str:
+    """The same; ``may_stand``: whether it may be grown together with a floor."""
     edges = mesh_edges(body.triangles, body.vertex_count)
     points, triangles = body.points, body.triangles
     if 2 * len(edges) != 3 * body.triangle_count:
@@ -149,7 +154,7 @@ def skeleton_or_reason(body: Mesh) -> Skeleton | str:
     if isinstance(found, Skeleton):
         number = np.arange(body.vertex_count)
         return found if len(points) == len(number) else _of_vertices(found, body.points, number, found.own[number])
-    standing = _on_ground(body, points, triangles)
+    standing = _on_ground(body, points, triangles) if may_stand else None
     if standing is not None:
         return standing
     wrap, faces = wrapped(points, triangles)
@@ -167,7 +172,8 @@ def _on_ground(body: Mesh, points: Points, triangles: Indices) -> Skeleton | Non
     if above is None or not len(above):
         return None
     used, corners = np.unique(above, return_inverse=True)
-    found = skeleton_or_reason(Mesh(body.name, points[used], corners.reshape(-1, 3).astype(np.int32)))
+    upper = Mesh(body.name, points[used], corners.reshape(-1, 3).astype(np.int32))
+    found = _found_in(upper, may_stand=False)
     if isinstance(found, str):
         return None
     tips = np.array([curve[-1] for curve in found.curves])

@@ -16,8 +16,9 @@ from warp_cloth.base.surface import split_quads, surface_nets, without_saddles
 
 CELLS = 160  # along the body's largest extent: 1 cm in a grown-up
 MARGIN = 3  # empty cells round it
-SAMPLES_PER_CELL = 2.0  # along the edges of a triangle
+SAMPLES_PER_CELL = 2.0  # along rows of a triangle, and across
 MOST_PER_EDGE = 2 * CELLS  # samples; no edge is longer than the body
+COUNTS = np.unique(np.geomspace(1, MOST_PER_EDGE, 30).round().astype(np.int64))  # of samples: few, to be made together
 SMOOTHING = 1.0  # cells, the standard deviation
 FILLED = 0.4  # of the box round it: more, and nothing sticks out; people fill a quarter at most, a ball half of it
 THINNEST = 1e-3  # of the extent; parts with less volume over area are sheets, which have no limbs: a floor, hair
@@ -74,14 +75,32 @@ def _volumes(corners: Points) -> NDArray[np.float64]:
 
 
 def _samples(corners: Points, apart: float) -> Points:
-    """Points of triangles, shape [F, 3, 3], no farther apart than ``apart`` [m] along their edges; shape [N, 3]."""
+    """Points of triangles, shape [F, 3, 3], in rows along their longest edges, no row and no point in it farther from
+    the next than ``apart`` [m]; shape [N, 3].
+    """
     edges = np.roll(corners, -1, axis=1) - corners
-    longest = np.linalg.norm(edges, axis=2).max(axis=1)
-    count = np.clip(np.ceil(longest / apart).astype(np.int64), 1, MOST_PER_EDGE)
+    lengths = np.linalg.norm(edges, axis=2)
+    first, each = lengths.argmax(axis=1), np.arange(len(corners))
+    turned = corners[each[:, None], (first[:, None] + np.arange(3)) % 3]
+    longest = lengths[each, first]
+    height = row_lengths(_normals(corners)) / np.maximum(longest, np.finfo(float).tiny)
+    counts = np.stack([_at_least(longest / apart), _at_least(height / apart)], axis=1)
+    kinds, kind = np.unique(counts, axis=0, return_inverse=True)
+    kind = kind.ravel()
+    found = [_weights(*pair) @ turned[kind == number] for number, pair in enumerate(kinds.tolist())]
+    return np.concatenate([points.reshape(-1, 3) for points in found])
+
+
+def _at_least(counts: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Whole numbers from 1 to MOST_PER_EDGE, each of few, and no less than these."""
+    return COUNTS[np.searchsorted(COUNTS, np.minimum(counts, MOST_PER_EDGE))]
+
+
+def _weights(along: int, rows: int) -> Points:
+    """Weights of a triangle's corners at points in so many rows, of so many steps in the longest; shape [N, 3]."""
     found = []
-    for each in np.unique(count):
-        i, j = (grid.ravel() for grid in np.mgrid[: each + 1, : each + 1])
-        inside = i + j <= each
-        weights = np.stack([i, j, each - i - j], axis=1)[inside] / each
-        found.append(np.einsum("nc,fcd->fnd", weights, corners[count == each]).reshape(-1, 3))
+    for row in range(rows + 1):
+        v = row / rows
+        u = np.linspace(0.0, 1.0 - v, max(int(np.ceil(along * (1.0 - v))), 1) + 1)
+        found.append(np.stack([1.0 - u - v, u, np.full_like(u, v)], axis=1))
     return np.concatenate(found)
