@@ -96,19 +96,19 @@ def test_what_crosses_from_there_too_begins_again_with_contact(monkeypatch: pyte
     assert np.array_equal(tried.garments[0].points, contact.garments[0].points)
 
 
-def test_panels_far_apart_and_knits_do_not_start_so() -> None:
-    scene = load_scene("tshirt", [*SMALL_SHIRT, "garment.fabric=silk"])
-    outfit = load_outfit(scene)
-    trial = trial_of(scene)
-    assert trial is not None
-    assert dressed_trial(trial, outfit) is not None
+def test_panels_far_apart_knits_and_stated_starts_are_not_dressed() -> None:
+    outfit = load_outfit(load_scene("tshirt", [*SMALL_SHIRT, "garment.fabric=silk"]))
     (garment,) = outfit.garments
     apart = replace(outfit, garments=(replace(garment, points=garment.points * [1.0, 1.0, 4.0]),))
-    assert dressed_trial(trial, apart) is None
-    knit = load_scene("tshirt", SMALL_SHIRT)
-    trial = trial_of(knit)
-    assert trial is not None
-    assert dressed_trial(trial, outfit) is None
+    for changes, worn, expected in (
+        (["garment.fabric=silk"], outfit, True),
+        (["garment.fabric=silk"], apart, False),
+        ([], outfit, False),
+        (["garment.fabric=silk", "solver.start=placed"], outfit, False),
+    ):
+        trial = trial_of(load_scene("tshirt", [*SMALL_SHIRT, *changes]))
+        assert trial is not None
+        assert (dressed_trial(trial, worn) is not None) == expected
 
 
 def test_tried_in_company_they_have_the_bits_of_each_alone() -> None:

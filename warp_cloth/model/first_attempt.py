@@ -70,11 +70,11 @@ def dressed_trial(trial: Attempt, outfit: Outfit) -> Attempt | None:
 
     There it is the fabric, limp and not stretchy, whose folds cross, or take long to open. The shipped T-shirt in
     silk, and in three other fabrics of nine, takes a third of the time so, or less. Other garments cross in any fabric,
-    as their panels are drawn together. None: it is of those, or is a knit.
+    as their panels are drawn together. None: it is of those, or is a knit, or the scene states where it starts.
     """
-    scene = trial.stated
-    (spec,), (garment,) = scene.garments, outfit.garments
-    if spec.fabric == predrape_fabric() or garment.rest.sheet is None or _widest_gap(garment) > NEARLY_SEWN:
+    (spec,), (garment,) = trial.stated.garments, outfit.garments
+    is_free = trial.stated.solver.start == "auto" and spec.fabric != predrape_fabric()
+    if not is_free or garment.rest.sheet is None or _widest_gap(garment) > NEARLY_SEWN:
         return None
     dressed = updated(trial.scene, solver=updated(trial.scene.solver, start="dressed"))
     return replace(trial, scene=dressed, choices=(*trial.choices, Choice("solver.start", "dressed", WHY_DRESSED)))
