@@ -16,7 +16,7 @@ NARROWEST = 0.09  # [m]; the girth of a child's cuff. A shorter loop is a button
 RINGS = 4  # of cloth behind an opening, where the cloth is a tube: a hand may end within a sleeve
 SLIT = 0.06  # of the body's span: the girth up to which an opening on one side is a slit, which no hand goes through
 # Of the girth of the highest opening in the middle, a neckline or a waist: a narrower one below is cut out, as in lace.
-# Not of the body's, as a file's unit is told by the limbs.
+# Not of the body's, as a file's unit is found by the limbs.
 CUT_OUT = 0.5
 LATERAL = 0.045  # of the body's span, from its middle: an opening farther off is for one limb
 ACROSS = 0.2  # of an opening's width on the lesser side of the middle: a hem is no leg's, however far it flares

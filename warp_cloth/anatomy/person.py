@@ -9,9 +9,8 @@ import numpy as np
 from warp_cloth.anatomy.measures import Measure, measures_of
 from warp_cloth.anatomy.skeleton import Skeleton, skeleton_or_reason
 from warp_cloth.anatomy.stance import Stance, stance_of
-from warp_cloth.base.connected import connected_components
+from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.base.topology import mesh_edges
 
 LARGE, OUT = 0.2, 0.05  # of the span: extent of a part that is no eye or shoe, and how far it reaches out of the body
 
@@ -60,8 +59,7 @@ def _left_out(body: Mesh, skeleton: Skeleton) -> tuple[str, ...]:
         return ()
     own = body.points[skeleton.own]
     low, high = own.min(axis=0) - OUT * skeleton.span, own.max(axis=0) + OUT * skeleton.span
-    edges = mesh_edges(body.triangles, body.vertex_count)
-    part = connected_components(body.vertex_count, edges[:, 0], edges[:, 1])
+    part = mesh_parts(body.vertex_count, body.triangles)
     lower, upper = body.points.copy(), body.points.copy()
     np.minimum.at(lower, part, body.points)
     np.maximum.at(upper, part, body.points)

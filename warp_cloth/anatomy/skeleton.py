@@ -16,7 +16,7 @@ from warp_cloth.anatomy.finer import divided
 from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines, nearest_points, row_lengths
 from warp_cloth.anatomy.ground import above_ground
 from warp_cloth.anatomy.wrapping import wrapped
-from warp_cloth.base.connected import connected_components
+from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.curves import arc_lengths
 from warp_cloth.base.lids import cones, with_tips
 from warp_cloth.base.mesh import Indices, Mesh, Points
@@ -193,8 +193,7 @@ def _of_vertices(found: Skeleton, points: Points, number: NDArray[np.int64], own
 
 def _mostly(own: NDArray[np.bool_], body: Mesh) -> NDArray[np.bool_]:
     """Whether most vertices of each vertex's connected part are, shape [V]."""
-    edges = mesh_edges(body.triangles, body.vertex_count)
-    part = connected_components(body.vertex_count, edges[:, 0], edges[:, 1])
+    part = mesh_parts(body.vertex_count, body.triangles)
     count, of_own = np.bincount(part, minlength=len(own)), np.bincount(part, own, len(own))
     return np.asarray((2 * of_own > count)[part])
 

@@ -13,12 +13,12 @@ from warp_cloth.anatomy.skeleton import LEFT_LEG, RIGHT_LEG, Skeleton
 from warp_cloth.anatomy.stance import Stance
 from warp_cloth.base.mesh import Points
 
-# An arm that is raised takes its root with it: by so much of the trunk's length, at so many degrees below the
-# horizontal. Of two bodies in five poses each the roots are then within 1 % of the trunk's length of one height.
+# An arm that is raised takes its root with it: how far, of the trunk's length (RISE), by its degrees below the
+# horizontal (FALL). Of two bodies in five poses each the roots are then within 1 % of the trunk's length of one height.
 FALL, RISE = (-60.0, 0.0, 45.0, 75.0), (0.1, 0.08, 0.03, 0.0)
 OF_STATURE = 0.765  # roots of hanging arms above the floor: 0.74 to 0.78 in people
 OF_NECK = 0.745  # the same above the crotch, of the height of the neck's narrowest section: 0.72 to 0.79
-# Of the way from the crotch to the head's root: where the neck is looked for, at so many levels.
+# Of the way from the crotch to the head's root: where the neck is looked for, and at how many levels.
 NECK, NECK_LEVELS = (0.82, 1.1), 15
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import row_lengths
-from warp_cloth.base.connected import connected_components
+from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.base.surface import split_quads, surface_nets, without_saddles
 
@@ -55,8 +55,7 @@ def wrapped(points: Points, triangles: Indices) -> tuple[Points, Indices]:
 
 def _is_sheet(points: Points, triangles: Indices, thinnest: float) -> NDArray[np.bool_]:
     """Whether each triangle belongs to a connected part that encloses hardly anything; none does where all would."""
-    a, b, c = triangles.T
-    part = connected_components(len(points), np.concatenate([a, b]), np.concatenate([b, c]))[a]
+    part = mesh_parts(len(points), triangles)[triangles[:, 0]]
     corners = points[triangles] - points[part][:, None]
     volume = np.bincount(part, _volumes(corners), len(points))
     area = np.bincount(part, 0.5 * row_lengths(_normals(corners)), len(points))
@@ -97,7 +96,10 @@ def _at_least(counts: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def _weights(along: int, rows: int) -> Points:
-    """Weights of a triangle's corners at points in so many rows, of so many steps in the longest; shape [N, 3]."""
+    """Weights of a triangle's corners at points in ``rows`` rows off its longest edge, which has ``along`` steps.
+
+    Shape [N, 3].
+    """
     found = []
     for row in range(rows + 1):
         v = row / rows

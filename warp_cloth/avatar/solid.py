@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.avatar.clothes import worn_parts
-from warp_cloth.base.connected import connected_components
+from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.lids import cones, with_tips
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.stored_value import stored_value
@@ -109,5 +109,4 @@ def solid_of(avatar: Mesh) -> Solid:
 
 def _parts(triangles: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Lowest vertex of each triangle's connected component."""
-    a, b, c = triangles.T
-    return connected_components(count, np.concatenate([a, b]), np.concatenate([b, c]))[a]
+    return mesh_parts(count, triangles)[triangles[:, 0]]

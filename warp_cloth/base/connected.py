@@ -1,4 +1,4 @@
-"""Connected components of a graph."""
+"""Connected components of a graph, and of a mesh."""
 
 from __future__ import annotations
 
@@ -25,3 +25,9 @@ def connected_components(count: int, a: NDArray[Any], b: NDArray[Any]) -> NDArra
         if np.array_equal(lower, label):
             return label
         label = lower
+
+
+def mesh_parts(count: int, triangles: NDArray[Any]) -> NDArray[np.int64]:
+    """The lowest vertex in the connected part of each of ``count`` vertices, shape [count]."""
+    a, b, c = triangles.T
+    return connected_components(count, np.concatenate([a, b]), np.concatenate([b, c]))

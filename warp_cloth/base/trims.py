@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.connected import connected_components
+from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.mesh import Indices, Mesh, Points
 
 TRIMS = "trims"  # end of the name of their mesh in a written file, after the garment's and _
@@ -36,8 +36,7 @@ class Trims:
         holders = mesh.triangles[faces]
         away = start - mesh.points[holders[:, 0]]
         offsets = np.einsum("tij,tj->ti", _frames(mesh.points[holders]), away)
-        a, b, c = triangles.astype(np.int64).T
-        part = connected_components(len(start), np.concatenate([a, b]), np.concatenate([b, c]))
+        part = mesh_parts(len(start), triangles)
         return cls(start, triangles, part, holders, offsets)
 
     @property

@@ -26,10 +26,11 @@ from warp_cloth.fitting.fit import Fit
 from warp_cloth.fitting.measured_maps import with_maps
 from warp_cloth.fitting.placement import measure_starts
 from warp_cloth.fitting.predrape import build_predrape, prepare_start, start_predraped
-from warp_cloth.fitting.problem import build_problem, problem_kind
+from warp_cloth.fitting.problem import Problem, build_problem, problem_kind
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.maps import MAPS, chosen_maps
 from warp_cloth.model.plan import contact_kind
+from warp_cloth.model.result import LevelRun
 from warp_cloth.scene import Scene, load_scene
 
 CACHE_FRACTION = 0.05  # of the memory, for avatars' fields that later scenes may use, too
@@ -157,12 +158,8 @@ def _fit_together(
     """Relaxes scenes of one kind together, and measures them in so many copies of this process."""
     clock = StageClock()
     problem = build_problem(scenes, outfits, device, cache=cache, clock=clock)
-    predrape = build_predrape(problem, cache, clock)
-    clock.lap("build")
     # without the lease: a few garments leave a GPU idle most of the time, for the process that has it
-    placed = [prepare_start(problem, cache, clock)] * len(scenes) if predrape is None else []
-    levels = placed if predrape is None else start_predraped(problem, predrape)
-    clock.lap("dress")
+    levels = _started(problem, cache, clock)
     for item in range(len(scenes)):
         if not lease.taken():
             break
@@ -188,6 +185,18 @@ def _fit_together(
     return [Fit.of(result) for result in results]
 
 
+def _started(problem: Problem, cache: Cache, clock: StageClock) -> Sequence[tuple[LevelRun, ...]]:
+    """Brings a problem's garments to where they start; returns the relaxations of each item that this took."""
+    predrape = build_predrape(problem, cache, clock)
+    clock.lap("build")
+    if predrape is None:
+        levels: Sequence[tuple[LevelRun, ...]] = [prepare_start(problem, cache, clock)] * len(problem.attempts)
+    else:
+        levels = start_predraped(problem, predrape)
+    clock.lap("dress")
+    return levels
+
+
 def _dressed_together(
     firsts: Sequence[Run], device: str, cache: Cache, clock: StageClock, copies: int
 ) -> dict[int, Run]:
@@ -197,12 +206,7 @@ def _dressed_together(
         return {}
     attempts, outfits = zip(*wanted.values(), strict=True)
     problem = build_problem(attempts, outfits, device, cache=cache, clock=clock)
-    predrape = build_predrape(problem, cache, clock)
-    if predrape is None:
-        raise ValueError("the second trials start dressed")
-    clock.begin("dress")
-    levels = start_predraped(problem, predrape)
-    clock.lap("dress")
+    levels = _started(problem, cache, clock)
     outcomes = relax_problem(problem)
     clock.lap("relax")
     runs = finished_runs(problem, outcomes, levels, copies=copies)

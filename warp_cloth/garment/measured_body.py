@@ -7,9 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from warp_cloth.anatomy.levels import body_levels
-from warp_cloth.anatomy.measures import Figure
 from warp_cloth.anatomy.skeleton import skeleton_of
+from warp_cloth.anatomy.stored_body import levels_of
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
@@ -96,7 +95,6 @@ def _corrected(
 
 def _read(mesh: Mesh) -> np.ndarray | None:
     """Stature, chest, waist and hip of a mannequin [m]."""
-    skeleton = skeleton_of(mesh)
-    levels = body_levels(mesh, None if skeleton is None else Figure.of(mesh, skeleton).trunk_ends)
+    levels = levels_of(mesh, skeleton_of(mesh))
     low, high = mesh.bounds()
     return None if levels is None else np.array([high[1] - low[1], *(level.girth for level in levels)])

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
-from warp_cloth.base.connected import connected_components
+from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
@@ -54,8 +54,7 @@ def refuse_bodies(
 
 def _tall_parts(mesh: Mesh) -> Iterator[Mesh]:
     """The connected parts of a mesh that has several, but for low ones."""
-    a, b, c = mesh.triangles.T
-    part = connected_components(mesh.vertex_count, np.concatenate([a, b]), np.concatenate([b, c]))[a]
+    part = mesh_parts(mesh.vertex_count, mesh.triangles)[mesh.triangles[:, 0]]
     first = np.unique(part)
     if len(first) == 1:
         return

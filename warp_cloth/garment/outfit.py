@@ -10,12 +10,12 @@ from typing import Any, NamedTuple, TypeVar
 
 from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import openings_of
-from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
+from warp_cloth.anatomy.skeleton import Skeleton
+from warp_cloth.anatomy.stored_body import stored_skeleton
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
-from warp_cloth.base.stored_value import stored_value
 from warp_cloth.garment.facing import brought_from_afar, brought_to_wearer
 from warp_cloth.garment.falling import Catcher
 from warp_cloth.garment.garment import Garment
@@ -214,7 +214,7 @@ def _wearing(
 def _skeleton(scene: Scene, avatar: Mesh | None, mesh_cache: MeshCache) -> Skeleton | None:
     if avatar is None:
         return None
-    make = partial(stored_value, "skeleton", ("anatomy", "kernels/anatomy", "base"), skeleton_of, avatar)
+    make = partial(stored_skeleton, avatar)
     return mesh_cache.get(("skeleton", *avatar_recipe(scene)[0].key[1:]), make)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.trims import nearest_faces
 from warp_cloth.loading.raw import Floats, Ints
+from warp_cloth.loading.unique_rows import edges_of
 
 # A smaller sheet lies on the others if its rims are no farther off [m]: a bellows pocket's mouth, a flap, a lapel.
 ON_OTHERS = 0.05
@@ -34,8 +35,7 @@ class _Sheets:
     def lies_on_others(self, sheet: int) -> bool:
         """Whether its rims are all near other sheets, as those of what is sewn onto cloth; or it has none."""
         own = self.sheet == sheet
-        ends = np.stack([self.triangles, np.roll(self.triangles, -1, axis=1)], axis=2).reshape(-1, 2)
-        rim = np.unique(ends[(self.count[self.edge_of_side] == 1) & np.repeat(own, 3)])
+        rim = np.unique(edges_of(self.triangles)[(self.count[self.edge_of_side] == 1) & np.repeat(own, 3)])
         if not len(rim):
             return True
         _, away = nearest_faces(self.points[rim], self.points, self.triangles[~own])

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.base.connected import connected_components
+from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Folds, Mesh
 from warp_cloth.base.units import LengthUnit, UpAxis
@@ -144,8 +144,7 @@ def lies(points: Floats, triangles: Ints) -> bool:
     """
     if not _long_and_low(np.ptp(points, axis=0)):
         return False
-    a, b, c = triangles.T
-    part = connected_components(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
+    part = mesh_parts(len(points), triangles)
     _, number = np.unique(part, return_inverse=True)
     low, high = np.full((number.max() + 1, 3), np.inf), np.full((number.max() + 1, 3), -np.inf)
     np.minimum.at(low, number, points)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
 from warp_cloth.loading.raw import Floats, Ints
+from warp_cloth.loading.unique_rows import rim_edges
 
 AT_PLANE = 1e-3  # of the largest extent, from the plane x = 0, within which a mirror merges vertices
 # Of the garment's height and depth, whichever is which, what its rims at the plane span: a crotch all of its depth, the
@@ -34,8 +35,8 @@ def half_at(points: Floats, triangles: Ints) -> NDArray[np.bool_] | None:
         return None
     at_plane = np.zeros(len(points), dtype=bool)
     at_plane[used] = np.abs(points[used, 0]) <= near
-    edges, uses = np.unique(np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)), axis=0, return_counts=True)
-    cut = edges[(uses == 1) & at_plane[edges].all(axis=1)]
+    rims = rim_edges(triangles)
+    cut = rims[at_plane[rims].all(axis=1)]
     ends, place, degree = np.unique(cut, return_inverse=True, return_counts=True)
     line = connected_components(len(ends), *place.reshape(-1, 2).T)
     is_open = np.isin(line, line[degree == 1])

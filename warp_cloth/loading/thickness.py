@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.connected import connected_components
+from warp_cloth.base.connected import connected_components, mesh_parts
 from warp_cloth.base.trims import nearest_faces
 from warp_cloth.loading.raw import Floats, Ints
+from warp_cloth.loading.unique_rows import edges_of
 
 THICKEST = 0.025  # [m], as a padded jacket; nearly all of either side is nearer to the other one
 NEARLY_ALL = 95.0  # per cent
@@ -41,7 +42,7 @@ def shell_among(points: Floats, triangles: Ints, looked_at: NDArray[np.bool_]) -
     """
     carried = np.zeros(len(triangles), dtype=bool)
     thicknesses = []
-    part = connected_components(len(points), *_sides(triangles).T)[triangles[:, 0]]
+    part = mesh_parts(len(points), triangles)[triangles[:, 0]]
     for number in np.unique(part[looked_at]).tolist():
         own = np.flatnonzero((part == number) & looked_at)
         found = _shell(points, triangles[own])
@@ -51,14 +52,9 @@ def shell_among(points: Floats, triangles: Ints, looked_at: NDArray[np.bool_]) -
     return Shell(carried, max(thicknesses)[1]) if thicknesses else None
 
 
-def _sides(triangles: Ints) -> Ints:
-    """Their ends, shape [3 F, 2]."""
-    return np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
-
-
 def _shell(points: Floats, triangles: Ints) -> Shell | None:
     """The same of one connected part."""
-    _, number, count = np.unique(np.sort(_sides(triangles), axis=1), axis=0, return_inverse=True, return_counts=True)
+    _, number, count = np.unique(np.sort(edges_of(triangles), axis=1), axis=0, return_inverse=True, return_counts=True)
     if (count == 1).any():  # it has openings: it is one sheet
         return None
     order = np.argsort(number.ravel(), kind="stable")

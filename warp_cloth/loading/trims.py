@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.connected import connected_components
+from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.trims import RIGID, nearest_faces
 from warp_cloth.loading.raw import Floats, Ints
+from warp_cloth.loading.unique_rows import rim_edges
 
 # A part is a trim if its area is less than this share of the largest part's, and all of it is nearer to cloth than
 # NEAR [m]: a button's top is 4 mm above the shirt, a collar stands farther off. The lining of a coat is no smaller.
@@ -25,9 +26,8 @@ def trims_among(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
 
     Nothing connects a trim with the cloth, so that as cloth it would fall off.
     """
-    a, b, c = triangles.T
-    vertex_part = connected_components(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
-    _, part = np.unique(vertex_part[a], return_inverse=True)
+    vertex_part = mesh_parts(len(points), triangles)
+    _, part = np.unique(vertex_part[triangles[:, 0]], return_inverse=True)
     if part.max() == 0:
         return np.zeros(len(triangles), dtype=bool)
     corners = points[triangles]
@@ -54,6 +54,5 @@ def trims_among(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
 
 def _rim(triangles: Ints) -> Ints:
     """The vertices on the boundaries of a mesh, shape [B]."""
-    edges, uses = np.unique(np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)), axis=0, return_counts=True)
-    vertices: Ints = np.unique(edges[uses == 1])
+    vertices: Ints = np.unique(rim_edges(triangles))
     return vertices

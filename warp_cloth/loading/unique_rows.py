@@ -64,3 +64,10 @@ def edges_of(triangles: Ints) -> Ints:
     """The three directed edges of every triangle, shape [3 F, 2]."""
     edges: Ints = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     return edges
+
+
+def rim_edges(triangles: Ints) -> Ints:
+    """The edges that one triangle has alone, each with its lower vertex first, shape [N, 2]."""
+    edges, uses = np.unique(np.sort(edges_of(triangles), axis=1), axis=0, return_counts=True)
+    rims: Ints = edges[uses == 1]
+    return rims

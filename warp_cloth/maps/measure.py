@@ -9,14 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.anatomy.levels import Level, body_levels
-from warp_cloth.anatomy.measures import Figure
-from warp_cloth.anatomy.skeleton import skeleton_of
+from warp_cloth.anatomy.stored_body import stored_levels
 from warp_cloth.avatar.exact import signed_distances
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.base.stored_value import stored_value
 from warp_cloth.garment.garment import Garment
 from warp_cloth.maps.girths import TrunkLevels, garment_girths
 from warp_cloth.maps.kinds import MAPS, shown_range
@@ -25,7 +22,6 @@ from warp_cloth.model.result import FitMaps, FitResult, WornGarment
 
 PASCALS = 1e3  # in a kPa
 MILLIMETRES = 1e3  # in a metre
-UP, STANDS = np.array([0.0, 1.0, 0.0]), 0.999  # along the body, and the cosine of the angle between both
 
 Floats = NDArray[np.float64]
 
@@ -102,16 +98,8 @@ class MeasuredBody:
     @classmethod
     def of(cls, avatar: Mesh) -> MeasuredBody:
         surface = closing_of(avatar).surface(avatar)
-        levels = stored_value("levels", ("anatomy", "base"), _levels, surface)
+        levels = stored_levels(surface)
         return cls(avatar, None if levels is None else TrunkLevels(surface, levels))
-
-
-def _levels(body: Mesh) -> tuple[Level, ...] | None:
-    """Chest, waist and hip of a body that stands along y, by the ends of its trunk where it has limbs."""
-    skeleton = skeleton_of(body)
-    figure = None if skeleton is None else Figure.of(body, skeleton)
-    stands = figure is not None and figure.frame[1] @ UP > STANDS
-    return body_levels(body, figure.trunk_ends if figure is not None and stands else None)
 
 
 def measured_girths(garments: Sequence[WornGarment], body: MeasuredBody | None) -> tuple[list[dict[str, Any]], str]:

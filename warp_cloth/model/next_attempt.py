@@ -124,7 +124,7 @@ def _after_dressed(history: Sequence[Ended]) -> Attempt | None:
 
 
 def is_locked(crossings: int, vertices: int) -> bool:
-    """Whether so many pairs of triangles of a mesh cross that contact could not part them."""
+    """Whether too many pairs of triangles of a mesh cross for contact to part them."""
     return crossings > FEW_CROSSINGS * vertices
 
 

@@ -110,7 +110,7 @@ def _document(file: str, data: bytes) -> Any:
 def _in_utf8(data: bytes) -> bytes:
     """Text in UTF-16, or in a code page of DOS that its header states, as UTF-8; other files as they are.
 
-    Texts in UTF-8 are told where the header states otherwise; of code pages ezdxf knows those of Windows.
+    Text in UTF-8 is recognised where the header states otherwise; of code pages ezdxf knows those of Windows.
     """
     stated = DOS_PAGE.search(data[:HEADER])
     if stated is None or data.startswith(BINARY):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from warp_cloth.anatomy.linking import COVERED, LOPSIDED
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, skeleton_or_reason
 from warp_cloth.avatar.openings import Opening
-from warp_cloth.base.connected import connected_components
+from warp_cloth.base.connected import mesh_parts
 from warp_cloth.garment.falling import Catcher
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import TORN
@@ -326,7 +326,6 @@ def detached_pieces(judged: Judged) -> Iterator[FitProblem]:
 
 def _pieces(judged: Judged) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Which piece of connected cloth each vertex is of, shape [V], and how many vertices each piece has, shape [P]."""
-    a, b, c = judged.garment.triangles.T
-    piece = connected_components(len(judged.points), np.concatenate([a, b]), np.concatenate([b, c]))
+    piece = mesh_parts(len(judged.points), judged.garment.triangles)
     _, number, count = np.unique(piece, return_inverse=True, return_counts=True)
     return number, count

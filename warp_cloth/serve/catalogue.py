@@ -109,7 +109,7 @@ def _offer(place: str, item: Item) -> Offer:
 
 
 def _scene(place: str, item: Item) -> Scene:
-    """The scene of an item; what is wrong with a value is told by its key in the file."""
+    """The scene of an item; a wrong value is named by its key in the file."""
     try:
         return load_scene(item.source, item.changes)
     except InputError as error:
