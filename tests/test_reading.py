@@ -94,6 +94,24 @@ def test_a_garment_that_is_turned_is_turned_back_with_its_front_before(
     assert outfit.meshes[0].points == pytest.approx(tshirt.points, abs=0.06)  # round the body, not round the origin
 
 
+@pytest.mark.parametrize("quarters", [1, 3])
+def test_a_sleeveless_garment_that_is_turned_is_not_stood_up(tmp_path: Path, tshirt: Mesh, quarters: int) -> None:
+    """As read an opening is for no limb; lying about its wearer's feet each would be for one."""
+    is_trunk = np.isin(tshirt.panels, [0, 1])
+    used, corners = np.unique(tshirt.triangles[is_trunk], return_inverse=True)
+    turn, texcoords = np.linalg.matrix_power(TURN, quarters), tshirt.texcoords[is_trunk]
+    vest = replace(
+        tshirt,
+        points=tshirt.points[used],
+        triangles=corners.reshape(-1, 3).astype(np.int32),
+        texcoords=texcoords,
+        panels=tshirt.panels[is_trunk],
+    )
+    outfit = read(tmp_path, vest, lambda points: points @ turn.T)
+    assert set(choices(outfit)) == {"rotate", "translate"}
+    assert outfit.meshes[0].points == pytest.approx(vest.points, abs=0.06)
+
+
 @pytest.mark.parametrize("degrees", [34.0, -50.0])
 def test_a_garment_askew_is_turned_about_the_axis_of_its_file(tmp_path: Path, tshirt: Mesh, degrees: float) -> None:
     """As a body may have been scanned."""
