@@ -26,7 +26,9 @@ On = Annotated[
 ]
 FabricName = Annotated[
     str | None,
-    typer.Option(metavar="FABRIC", help="Of all garments: a name (see `warp-cloth scenes`) or a .toml file."),
+    typer.Option(
+        "--fabric", metavar="FABRIC", help="Of all garments: a name (see `warp-cloth scenes`) or a .toml file."
+    ),
 ]
 Device = Annotated[str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")]
 Changes = Annotated[
