@@ -161,6 +161,7 @@ def test_bad_items_fail_with_their_reason_and_leave_the_others_alone(tmp_path: P
     assert set(failed) == {item.name for item in bad}
     assert all(row["status"] == "invalid" and row["message"] for row in failed.values())
     assert len({row["message"] for row in failed.values()}) == len(bad), "each says its own reason"
+    assert all(found[name]["message"].startswith("column garment.mesh: ") for name in ("no-mesh", "nan-mesh"))
     own = ["garment.mesh"]  # a column of the bad items' job
     assert [{k: v for k, v in found[name].items() if k not in own} for name in alone] == list(alone.values())
 

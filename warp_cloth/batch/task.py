@@ -117,7 +117,7 @@ class _TaskRun:
                 raise InputError(item.name, item.problem)
             scene = load_scene(item.source, (*item.changes, f"name={toml_text(item.name)}"))
         except InputError as error:
-            return ItemResult(empty_row(item.name, Status.INVALID.value, _in_columns(error)))
+            return ItemResult(empty_row(item.name, Status.INVALID.value, _in_columns(error, item)))
         sources = [scene.avatar.mesh] if scene.avatar is not None else []
         for garment in scene.garments:
             sources += [garment.file, garment.grade_table, garment.grain_texture]
@@ -190,7 +190,7 @@ class _TaskRun:
         """The row of an item that raised; DeviceLostError where no other item can be fitted here either."""
         if isinstance(error, InputError):
             status = FAILED if isinstance(error, OutputError) else Status.INVALID.value  # not the item's fault
-            return empty_row(item.name, status, str(error))
+            return empty_row(item.name, status, _in_columns(error, item))
         if out_of_memory(error):
             return empty_row(item.name, FAILED, f"out of memory on {self._task.device}; {SMALLER}")
         if not device_answers(self._task.device):
@@ -198,12 +198,15 @@ class _TaskRun:
         return empty_row(item.name, FAILED, f"{type(error).__name__}: {' '.join(str(error).split())}")
 
 
-def _in_columns(error: InputError) -> str:
-    """The error in a job file's words: the column of the cell that is wrong."""
-    if not error.place.startswith(OVERRIDE):
-        return str(error)
-    column = error.place.removeprefix(OVERRIDE).partition("=")[0]
-    return str(InputError(f"column {column}", error.problem, error.remedy))
+def _in_columns(error: InputError, item: Item) -> str:
+    """The error in a job file's words: the column of the cell that is wrong, or that names the file that is."""
+    if error.place.startswith(OVERRIDE):
+        column = error.place.removeprefix(OVERRIDE).partition("=")[0]
+        return str(InputError(f"column {column}", error.problem, error.remedy))
+    cells = [(column, cell) for column, cell in item.columns.items() if isinstance(cell, str) and cell]
+    place = f"{error.place}:"  # a file, with a line number where known
+    column = next((column for column, cell in cells if f"{cell}:" in place), "")
+    return f"column {column}: {error}" if column else str(error)
 
 
 def out_of_memory(error: BaseException) -> bool:

@@ -59,6 +59,11 @@ class Run:
         """The garments as they started, and their avatar."""
         return self.problem.outfits[self.item]
 
+    @functools.cached_property
+    def modelled(self) -> tuple[GarmentCrossings, ...]:
+        """Where each garment passes through its own cloth in its file."""
+        return modelled_crossings(self.outfit, self.problem.model.device)
+
     @property
     def ended(self) -> Ended:
         outcome, pairs = self.outcome, self.crossings.pairs
@@ -84,6 +89,11 @@ class Course:
 
     runs: tuple[Run, ...]
     trials: tuple[Run, ...] = ()  # that came before, and are none of them
+
+    @property
+    def modelled(self) -> tuple[GarmentCrossings, ...]:
+        """Where each garment passes through its own cloth in its file, the same in every run."""
+        return (*self.trials, *self.runs)[0].modelled
 
     @property
     def best(self) -> Run:
@@ -200,10 +210,9 @@ def tried_further(
     def note(run: Run) -> None:
         (trials if run.attempt.trial and not run.ended.good else runs).append(run)
 
-    @functools.cache
     def locked() -> bool:
         """Whether a garment crosses itself too much as it was modelled."""
-        own = zip(modelled_crossings(outfit, device), outfit.meshes, strict=True)
+        own = zip(first.modelled, outfit.meshes, strict=True)
         return any(is_locked(crossings.pairs, mesh.vertex_count) for crossings, mesh in own)
 
     def after_trial() -> Iterator[tuple[Attempt, Outfit]]:

@@ -9,7 +9,7 @@ from typing import Any
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.forks import map_in_forks
 from warp_cloth.base.mesh import Points
-from warp_cloth.contact.garments import GarmentCrossings, modelled_crossings
+from warp_cloth.contact.garments import GarmentCrossings
 from warp_cloth.fitting.attempts import Course, Run
 from warp_cloth.fitting.film import Dressing, Film, film_of
 from warp_cloth.fitting.problem import tolerance_of
@@ -46,7 +46,7 @@ def finish_fits(
     # here, not in copies: the device may be needed
     strains = {model: measured_strains(model) for model in dict.fromkeys(run.problem.model for run in runs)}
     contacts = [run.problem.contact_report(run.item) for run in runs]
-    modelled = [modelled_crossings(run.outfit, run.problem.model.device) if run.crossings.pairs else () for run in runs]
+    modelled = [course.modelled if course.best.crossings.pairs else () for course in courses]
 
     def told(place: int) -> tuple[tuple[FitProblem, ...], dict[str, Any]]:
         course, run, outfit = courses[place], runs[place], runs[place].outfit

@@ -42,7 +42,7 @@ def brought_from_afar(
     if avatar is None or not _may_bring(scene):
         return scene, []
     for index, (spec, (key, mesh)) in enumerate(zip(scene.garments, garments, strict=True)):
-        is_open = spec.mesh is not None and spec.units is None and not _states_place(spec)  # a unit may be stated wrong
+        is_open = spec.mesh is not None and spec.units is None and not is_placed(spec)  # a unit may be stated wrong
         if is_open and lies_apart(key, mesh, avatar):
             low, high = mesh.bounds()
             origins[index] = 0.5 * (low + high) * [1.0, 0.0, 1.0]
@@ -82,10 +82,6 @@ def _may_bring(scene: Scene) -> bool:
 
 def _is_drafted(spec: GarmentSpec) -> bool:
     """Whether it is made round a body of the program's own or of a pattern's, and its author does not place it."""
-    if _states_place(spec):
+    if is_placed(spec):
         return False
     return isinstance(spec.shape, TshirtShape) or (spec.pattern is not None and not spec.is_laid_round)
-
-
-def _states_place(spec: GarmentSpec) -> bool:
-    return bool({"rotate", "translate"} & spec.model_fields_set) or is_placed(spec)

@@ -100,7 +100,7 @@ def read_again(scene: Scene, cloths: Sequence[Cloth], body: Mesh | None) -> tupl
             found = None if body is None else _scaled_onto_skin(spec, cloth.mesh, body)
         elif wearing.start_fault:
             found = _scaled_or_stood_up(spec, cloth.mesh, wearing) or _turned(cloth, wearing) or _moved(spec, wearing)
-        if found is None and wearing is not None and "rotate" not in spec.model_fields_set:
+        if found is None and wearing is not None:
             found = _turned_about(cloth, wearing)
         if found is not None:
             changes, reason = found
@@ -198,7 +198,8 @@ def _may_have_z_up(spec: Wearable) -> bool:
 
 
 def is_placed(spec: GarmentSpec) -> bool:
-    return any(spec.translate) or any(spec.rotate)
+    """Whether its author states where it starts, be it where its file has it."""
+    return bool({"rotate", "translate"} & spec.model_fields_set)
 
 
 def _scaled_or_stood_up(spec: GarmentSpec, mesh: Mesh, wearing: Wearing) -> Change | None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from warp_cloth.model.result import Status
 
 if TYPE_CHECKING:
     from warp_cloth.base.mesh import Indices, Mesh, Points
@@ -36,6 +38,14 @@ class JudgedScene:
     def body(self) -> Mesh | None:
         """The avatar that holds the garments; None where there is none, or they do not touch it."""
         return self.outfit.avatar if self.scene.collision.avatar != "none" else None
+
+    @cached_property
+    def falling(self) -> NDArray[np.bool_]:
+        """Which vertices of all garments fall past all that could catch them, shape [V]."""
+        if self.outcome.status is Status.AT_REST:
+            return np.zeros(len(self.outcome.points), dtype=np.bool_)
+        outfit = self.outfit if self.body is self.outfit.avatar else replace(self.outfit, avatar=None)
+        return outfit.catcher.falling(self.outcome.points)
 
     @cached_property
     def garments(self) -> tuple[Judged, ...]:

@@ -11,7 +11,6 @@ from warp_cloth.anatomy.linking import COVERED, LOPSIDED
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, skeleton_or_reason
 from warp_cloth.avatar.openings import Opening
 from warp_cloth.base.connected import mesh_parts
-from warp_cloth.garment.falling import Catcher
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import TORN
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
@@ -79,7 +78,7 @@ def fell_off(judged: Judged) -> FitProblem | None:
     low, high = body.bounds()
     beside = np.maximum(points.min(axis=0) - high, low - points.max(axis=0))[[0, 2]].max()
     below = low[1] - points[:, 1].max()
-    if beside <= 0.0 and below <= 0.0 and not _falls(judged).all():
+    if beside <= 0.0 and below <= 0.0 and not judged.of.falling[judged.vertices].all():
         return None
     message = f'"{judged.name}" has fallen past the avatar, which does not hold it.'
     if beside > 0.0:
@@ -92,14 +91,6 @@ def fell_off(judged: Judged) -> FitProblem | None:
         {"beside_mm": 1e3 * max(float(beside), 0.0), "below_mm": 1e3 * max(float(below), 0.0)},
         vertices=tuple(range(len(points))),
     )
-
-
-def _falls(judged: Judged) -> NDArray[np.bool_]:
-    """Which of its vertices fall past all that could catch them, shape [V]."""
-    of = judged.of
-    if of.outcome.status is Status.AT_REST or not np.isfinite(of.outcome.points).all():
-        return np.zeros(len(judged.points), dtype=np.bool_)
-    return Catcher(of.outfit.garments, of.body).falling(of.outcome.points)[judged.vertices]
 
 
 def slid_off(judged: Judged) -> FitProblem | None:
@@ -298,7 +289,7 @@ def _drop(judged: Judged) -> float:
 def detached_pieces(judged: Judged) -> Iterator[FitProblem]:
     """Pieces that fall off because nothing connects them to the rest."""
     start, points = judged.garment.points, judged.points
-    fall, falls = start[:, 1] - points[:, 1], _falls(judged)
+    fall, falls = start[:, 1] - points[:, 1], judged.of.falling[judged.vertices]
     if not (fall.max() > fall.min() + DETACHED or falls.any()):
         return
     number, count = _pieces(judged)
