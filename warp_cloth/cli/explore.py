@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple
 
 import typer
 
+from warp_cloth.base import mesh_formats
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.options import Changes, Device
@@ -92,9 +93,8 @@ def pattern(
         from warp_cloth.loading.raw import counted
         from warp_cloth.scene.paths import file_stem
         from warp_cloth.scene.wearables import PATTERN_EDGE_MM
-        from warp_cloth.scene.worn_on import MESH_SUFFIXES
 
-        if file.suffix.lower() in MESH_SUFFIXES:
+        if file.suffix.lower() in mesh_formats.MESHES:
             raise InputError(file, "is a mesh, not a sewing pattern", f"fit it: warp-cloth fit {file} --on BODY.obj")
         name = file_stem(file)
         with output_folder(out, f"{name}_pattern"):

@@ -1,16 +1,67 @@
-"""File formats of a fit, and a check that no input would be overwritten; both before the work."""
+"""The file formats of a fit, each with what writes it, and what is checked of them before the work."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from os.path import realpath
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from warp_cloth.base.arguments import strings
 from warp_cloth.base.errors import InputError
 from warp_cloth.scene import Scene
 
-FORMATS = ("usdc", "usda", "usdz", "glb", "obj", "pc2")
+if TYPE_CHECKING:
+    from warp_cloth.model.result import FitResult
+
+Writer = Callable[["FitResult", Path, str], list[Path]]  # (fit, file, map of its colours or ""): what it wrote
+
+
+def _stage(fit: FitResult, path: Path, colour: str) -> list[Path]:
+    from warp_cloth.export.sources import avatar_asset, patterned
+    from warp_cloth.export.stage import StageAvatar, write_stage
+
+    avatar = None if fit.avatar is None else StageAvatar(fit.avatar, avatar_asset(fit.scene), fit.avatar_frames)
+    write_stage(
+        path,
+        garments=fit.garments,
+        avatar=avatar,
+        name=fit.scene.name,
+        ranges=fit.map_ranges,
+        colour=colour,
+        flat=patterned(fit.scene),
+    )
+    return [path]
+
+
+def _glb(fit: FitResult, path: Path, colour: str) -> list[Path]:
+    from warp_cloth.export.meshes import write_glb
+
+    write_glb(path, garments=fit.garments, avatar=fit.avatar, ranges=fit.map_ranges, colour=colour)
+    return [path]
+
+
+def _obj(fit: FitResult, path: Path, colour: str) -> list[Path]:
+    from warp_cloth.export.meshes import write_obj
+
+    return [write_obj(path, garments=fit.garments), path]
+
+
+def _point_caches(fit: FitResult, path: Path, colour: str) -> list[Path]:
+    from warp_cloth.export.point_cache import BODY, write_point_caches
+
+    moves = {} if fit.avatar_frames is None else {BODY: fit.avatar_frames}
+    return write_point_caches(path, garments=fit.garments, others=moves)
+
+
+FORMATS: dict[str, Writer] = {
+    "usdc": _stage,
+    "usda": _stage,
+    "usdz": _stage,
+    "glb": _glb,
+    "obj": _obj,
+    "pc2": _point_caches,
+}
 
 
 def chosen_formats(text: str | Sequence[str], *, place: str = "--format") -> tuple[str, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdUtils, Vt
 
+from warp_cloth.base import mesh_formats
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points, vertex_normals
 from warp_cloth.base.trims import TRIMS
@@ -34,7 +35,6 @@ from warp_cloth.model.result import WornGarment
 
 FRAMES_PER_SECOND = 24.0
 FIRST_FRAME = 1  # where Blender, Maya and most film tools start counting
-SUFFIXES = (".usdc", ".usda", ".usd", ".usdz")
 CLOTH_ROUGHNESS = 0.85
 AVATAR_ROUGHNESS = 0.55
 MATERIALS = "materials"
@@ -70,8 +70,8 @@ def write_stage(
     (ValueError).
     """
     body = StageAvatar(avatar) if isinstance(avatar, Mesh) else avatar
-    if path.suffix not in SUFFIXES:
-        raise InputError(path, f"is not a USD file name ({', '.join(SUFFIXES)})", "use the suffix .usdc")
+    if path.suffix not in mesh_formats.USD:
+        raise InputError(path, f"is not a USD file name ({', '.join(mesh_formats.USD)})", "use the suffix .usdc")
     require_sound(garments, None if body is None else body.mesh)
     frame_count = common_frame_count(garments)
     stage = Usd.Stage.CreateInMemory()

@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.base import arguments
+from warp_cloth.base import arguments, mesh_formats
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.clock import StageClock
 from warp_cloth.base.device import device_named
@@ -35,7 +35,6 @@ from warp_cloth.model.result import FitResult, LevelRun
 from warp_cloth.report.shown import shown_verdict
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.scene.held_mesh import Held
-from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.solver.certificate.certifier import Measurement
 from warp_cloth.solver.frame_recorder import FrameRecorder
 from warp_cloth.solver.goal import Outcome
@@ -263,7 +262,7 @@ def fit_loaded(
 
 def _from_stage(scene: Scene) -> bool:
     """Whether a garment comes from a USD stage: a layer over that can move garments, but not its avatar."""
-    return any(spec.mesh is not None and spec.mesh.suffix.lower() in USD_SUFFIXES for spec in scene.garments)
+    return any(spec.mesh is not None and spec.mesh.suffix.lower() in mesh_formats.USD for spec in scene.garments)
 
 
 def loaded_scene(scene: Any, overrides: Any, on: Any, fabric: Any) -> Scene:

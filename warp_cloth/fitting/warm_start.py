@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.base import mesh_formats
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.export.meshes import AVATAR_NODE, TRIMS_NODE
@@ -17,14 +18,13 @@ from warp_cloth.fitting.problem import Problem
 from warp_cloth.kernels.avatar.closest import find_closest
 from warp_cloth.loading import load_mesh
 from warp_cloth.loading.generic import gltf_mesh_names
-from warp_cloth.loading.load import GLTF_KINDS, read_raw
+from warp_cloth.loading.load import read_raw
 from warp_cloth.loading.usd import opened_stage
 from warp_cloth.loading.usd_physics import SURFACE, applied
 from warp_cloth.loading.usd_units import meshes_of
 from warp_cloth.model.result import FitResult, matched
 from warp_cloth.scene import Scene
 from warp_cloth.scene.messages import listed
-from warp_cloth.scene.stage import USD_SUFFIXES
 
 PANEL_GAP = 10.0  # between panels, each scaled to the unit square
 # Fraction of the worn garment's size: if a tenth of the seam vertices lie farther apart, the panels do not correspond.
@@ -63,12 +63,12 @@ def saved_result(path: Path, names: Sequence[str]) -> list[Worn]:
         raise InputError(path, "no such file", "give a file that an earlier fit has written")
     suffix = path.suffix.lower()
     garments: Sequence[tuple[str, str | None]] = [(path.stem, None)]
-    if suffix in GLTF_KINDS and path.is_file():
+    if suffix in mesh_formats.GLTF and path.is_file():
         read_raw(path, role="garment", key="start", prim=None)  # refuses a file that cannot be read
         nodes = gltf_mesh_names(str(path), path.read_bytes())
         cloths = [name for name in nodes if not name.endswith((AVATAR_NODE, TRIMS_NODE))] or nodes
         garments = [(name, name) for name in cloths] or garments
-    elif suffix in USD_SUFFIXES and path.is_file():
+    elif suffix in mesh_formats.USD and path.is_file():
         garments = _stage_garments(path)
     chosen = chosen_garments([name for name, _ in garments], names, path)
     meshes = [load_mesh(path, role="garment", key="start", prim=garments[index][1], units="m") for index in chosen]

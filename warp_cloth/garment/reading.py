@@ -16,6 +16,7 @@ import numpy as np
 from warp_cloth.anatomy.geodesics import nearest_points
 from warp_cloth.anatomy.linking import SLEEVED, Wearing
 from warp_cloth.anatomy.skeleton import Skeleton
+from warp_cloth.base import mesh_formats
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.units import METRES_PER, LengthUnit
@@ -23,7 +24,6 @@ from warp_cloth.garment.front import CERTAIN, DOUBTFUL, Front, front_of
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
 from warp_cloth.loading import (
-    AXIS_UNKNOWN,
     Placement,
     fitting_reading,
     from_z_up,
@@ -194,7 +194,7 @@ def stand_up(
 
 
 def _may_have_z_up(spec: Wearable) -> bool:
-    return spec.up is None and spec.mesh is not None and spec.mesh.suffix.lower() in AXIS_UNKNOWN
+    return spec.up is None and spec.mesh is not None and spec.mesh.suffix.lower() in mesh_formats.PLAIN
 
 
 def is_placed(spec: GarmentSpec) -> bool:

@@ -1,6 +1,6 @@
 """Meshes from files: OBJ, PLY, STL, GLB/glTF and USD, checked, repaired and in metres."""
 
-from warp_cloth.loading.load import AXIS_UNKNOWN, SUPPORTED, from_z_up, lies, load_mesh
+from warp_cloth.loading.load import from_z_up, lies, load_mesh
 from warp_cloth.loading.placement import Placement
 from warp_cloth.loading.poses import load_poses
 from warp_cloth.loading.repair import without_area
@@ -15,8 +15,6 @@ from warp_cloth.loading.sizes import (
 from warp_cloth.loading.stored import load_mesh_once
 
 __all__ = [
-    "AXIS_UNKNOWN",
-    "SUPPORTED",
     "Placement",
     "check_sizes",
     "fitting_reading",

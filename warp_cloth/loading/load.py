@@ -13,6 +13,7 @@ import numpy as np
 from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Folds, Mesh
+from warp_cloth.base.mesh_formats import GLTF, PLAIN, SUPPORTED, USD
 from warp_cloth.base.units import LengthUnit, UpAxis
 from warp_cloth.loading.decimals import half_step, shortest_decimals
 from warp_cloth.loading.generic import read_gltf, read_stl
@@ -25,15 +26,11 @@ from warp_cloth.loading.sizes import choose_unit, refuse_far
 from warp_cloth.loading.unique_rows import used_ids
 from warp_cloth.loading.usd import read_usd
 
-_READERS: dict[str, Callable[[str, bytes], RawMesh]] = {
+_READERS: dict[str, Callable[[str, bytes], RawMesh]] = {  # of the plain formats
     ".obj": read_obj,
     ".ply": read_ply,
     ".stl": read_stl,
 }
-GLTF_KINDS = (".glb", ".gltf")
-USD_KINDS = (".usd", ".usda", ".usdc", ".usdz")
-SUPPORTED = (*_READERS, *GLTF_KINDS, *USD_KINDS)
-AXIS_UNKNOWN = (".obj", ".ply", ".stl")  # formats that do not state the up axis
 
 REMOTE = {"http", "https", "ftp", "s3", "gs"}  # schemes of remote addresses
 
@@ -190,28 +187,28 @@ def read_raw(
     """
     data = content(path) if data is None else data
     kind = path.suffix.lower()
-    if up is not None and kind in SUPPORTED and kind not in AXIS_UNKNOWN:
+    if up is not None and kind in SUPPORTED and kind not in PLAIN:
         raise InputError(path, f"{kind} files state their up axis, but {key}.up is given", f"remove {key}.up")
-    if kind in USD_KINDS:
+    if kind in USD:
         return read_usd(str(path), role=role, key=key, prim=prim)
     if kind not in SUPPORTED:
         problem = f"{path.suffix or 'a file without extension'!s} is not a supported mesh format"
         raise InputError(path, problem, f"use one of {', '.join(SUPPORTED)}")
-    if prim is not None and kind not in GLTF_KINDS:
+    if prim is not None and kind not in GLTF:
         raise InputError(path, f"{key}.prim is given, but {kind} files have no prims", f"remove {key}.prim")
     try:
         with np.errstate(all="ignore"):  # non-finite values are refused later
-            if kind in GLTF_KINDS:
+            if kind in GLTF:
                 return read_gltf(str(path), data, key=key, name=prim)
-            return _stood_up(_READERS[kind](str(path), data), up, kind in AXIS_UNKNOWN)
+            return _stood_up(_READERS[kind](str(path), data), up)
     except (ValueError, ArithmeticError, LookupError, RecursionError) as error:
         reason = " ".join(str(error).split())[:120]
         problem = f"cannot be read as {kind[1:].upper()}: {reason} ({type(error).__name__})"
         raise InputError(path, problem, "the file is damaged: export it again") from error
 
 
-def _stood_up(raw: RawMesh, up: UpAxis | None, axis_unknown: bool) -> RawMesh:
-    raw = replace(raw, axis_unknown=axis_unknown)
+def _stood_up(raw: RawMesh, up: UpAxis | None) -> RawMesh:
+    raw = replace(raw, axis_unknown=True)
     if up != "z":
         return raw
     doubt = None if raw.doubt is None else raw.doubt[:, [0, 2, 1]]

@@ -8,10 +8,11 @@ from typing import Literal
 
 import numpy as np
 
+from warp_cloth.base import mesh_formats
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.units import METRES_PER, LengthUnit, UpAxis
-from warp_cloth.loading.load import USD_KINDS, in_metres, read_raw
+from warp_cloth.loading.load import in_metres, read_raw
 from warp_cloth.loading.raw import RawMesh, check
 from warp_cloth.loading.usd import read_usd_samples
 
@@ -38,7 +39,7 @@ def load_poses(
     first = read_raw(path, role="avatar", key="avatar", prim=prim, up=up)
     metres = METRES_PER[units] if units is not None else None
     if poses == "samples":
-        if path.suffix.lower() not in USD_KINDS:
+        if path.suffix.lower() not in mesh_formats.USD:
             raise InputError(KEY, f'"samples" is for USD files, but avatar.mesh is {path.name}', "list mesh files")
         others = read_usd_samples(str(path), key="avatar", prim=prim)
     else:

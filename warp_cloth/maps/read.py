@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from warp_cloth.base import mesh_formats
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.trims import TRIMS
@@ -18,7 +19,6 @@ from warp_cloth.maps.kinds import MAPS
 from warp_cloth.model.result import WornGarment
 
 REMEDY = "give the .usdc file, or the --out folder, of `warp-cloth fit ... --maps all`"
-SUFFIXES = (".usdc", ".usda", ".usd", ".usdz")
 OVER = "_over"  # suffix of the name of a layer over the user's own stage
 
 
@@ -85,7 +85,8 @@ def _avatar(path: Path, prims: list[str]) -> Mesh | None:
 
 def _stage_file(place: Path) -> Path:
     if place.is_dir():
-        stages = sorted((path for path in place.iterdir() if path.suffix in SUFFIXES), key=_preferred)
+        files = list(place.iterdir())
+        stages = [path for suffix in mesh_formats.USD for path in sorted(files) if path.suffix == suffix]
         names = {path.stem for path in stages}
         names -= {f"{name}{OVER}" for name in names}  # layers over the user's stage
         if len(names) != 1:
@@ -93,14 +94,9 @@ def _stage_file(place: Path) -> Path:
         return next(path for path in stages if path.stem in names)
     if not place.exists():
         raise InputError(place, "no such file or folder", REMEDY)
-    if not place.is_file() or place.suffix not in SUFFIXES:
+    if not place.is_file() or place.suffix not in mesh_formats.USD:
         raise InputError(place, "is not a USD stage", REMEDY)
     return place
-
-
-def _preferred(path: Path) -> int:
-    """Rank of a file's format, where a fit was written in several."""
-    return SUFFIXES.index(path.suffix)
 
 
 def _fields(mesh: Any) -> dict[str, Any]:

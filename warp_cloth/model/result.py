@@ -182,6 +182,11 @@ class FitResult:
     maps: FitMaps | None = None  # None: no maps were requested
     avatar_frames: NDArray[np.float32] | None = None  # [m], shape [N, V, 3], with those of the garments; None: it stays
 
+    @property
+    def map_ranges(self) -> dict[str, tuple[float, float]]:
+        """Ranges of the colours of the maps that were requested, by name."""
+        return {} if self.maps is None else self.maps.ranges
+
 
 def matched(available: Sequence[str], wanted: Sequence[str]) -> list[int] | None:
     """Indices of an earlier result's garments that match the wanted ones: by name or, if there are as many, by order.

@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from warp_cloth.base import arguments
+from warp_cloth.base import arguments, mesh_formats
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import exists, read_toml
 from warp_cloth.scene.held_mesh import Held, in_file
@@ -20,10 +20,9 @@ from warp_cloth.scene.messages import scene_error, show
 from warp_cloth.scene.overrides import Override, apply_override, overrides_of, plain, still_stated
 from warp_cloth.scene.paths import file_stem
 from warp_cloth.scene.schema import Scene
-from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, has_garments, stage_values
+from warp_cloth.scene.stage import check_prims, has_garments, stage_values
 from warp_cloth.scene.worn_on import (
     MANNEQUIN,
-    MESH_SUFFIXES,
     PATTERN_SUFFIXES,
     body_named,
     in_fabric,
@@ -100,7 +99,7 @@ def scene_of_body(source: str, overrides: Sequence[str] = ()) -> Scene | None:
         InputError: it is a file of another kind than meshes and scenes.
     """
     path = Path(source)
-    is_body = path.suffix.lower() in MESH_SUFFIXES or (source == MANNEQUIN and not exists(path))
+    is_body = path.suffix.lower() in mesh_formats.MESHES or (source == MANNEQUIN and not exists(path))
     if not is_body and exists(path) and path.is_file():
         is_body = _is_body_file(path, overrides)
     if not is_body:
@@ -112,11 +111,11 @@ def scene_of_body(source: str, overrides: Sequence[str] = ()) -> Scene | None:
 def _is_body_file(path: Path, overrides: Sequence[str]) -> bool:
     """Whether a file that is no plain mesh is a body: a stage without garments."""
     kind = path.suffix.lower()
-    if kind not in (".toml", "", *USD_SUFFIXES, *PATTERN_SUFFIXES):
-        supported = ", ".join((*MESH_SUFFIXES, *USD_SUFFIXES))
+    if kind not in (".toml", "", *mesh_formats.USD, *PATTERN_SUFFIXES):
+        supported = ", ".join(mesh_formats.SUPPORTED)
         raise InputError(path, f"{kind} is not a supported mesh format", f"use one of {supported}")
     names_garment = any(each.lstrip().startswith("garment") for each in overrides)
-    return kind in USD_SUFFIXES and not names_garment and not has_garments(path)
+    return kind in mesh_formats.USD and not names_garment and not has_garments(path)
 
 
 def _read(source: Any, on: Any, fabric: Any) -> _Source:
@@ -154,11 +153,11 @@ def _read_scene(source: Any) -> _Source:
     if isinstance(source, Mapping):
         return _Source("scene", "scene", Path(), plain(source))
     path = _scene_file(source if isinstance(source, str) else arguments.path(source, "scene"))
-    if path.suffix.lower() in MESH_SUFFIXES:
+    if path.suffix.lower() in mesh_formats.MESHES:
         raise InputError(path, "is a mesh, not a scene", 'say what it is worn on: on="BODY.obj" or on="mannequin"')
     if path.suffix.lower() in PATTERN_SUFFIXES:
         raise InputError(path, "is no scene", 'if it is a pattern, say what it is worn on: on="BODY.obj"')
-    if path.suffix.lower() in USD_SUFFIXES:
+    if path.suffix.lower() in mesh_formats.USD:
         return _Source(str(path), path.stem, path.parent, stage_values(path), path)
     return _Source(str(path), path.stem, path.parent, read_toml(path, "scene file"))
 

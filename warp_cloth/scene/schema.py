@@ -17,10 +17,10 @@ from pydantic import (
     model_validator,
 )
 
+from warp_cloth.base import mesh_formats
 from warp_cloth.scene.messages import refusal, show
 from warp_cloth.scene.paths import checked_name, file_stem, is_name
 from warp_cloth.scene.shapes import Integer, Real, Table
-from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.scene.wearables import AvatarSpec, GarmentSpec
 
 AvatarCollision = Literal["depth", "auto", "mesh", "plain", "none"]
@@ -28,7 +28,6 @@ ClothCollision = Literal["auto"] | StrictBool
 Method = Literal["auto", "multilevel", "accelerated", "direct"]
 Precision = Literal["float32", "float64", "mixed"]
 Start = Literal["auto", "placed", "dressed"]
-NAMED_MESHES = (*USD_SUFFIXES, ".glb", ".gltf")  # files whose meshes have names, so that one may hold a whole scene
 
 
 class CollisionSpec(Table):
@@ -207,7 +206,7 @@ class Scene(Table):
     @model_validator(mode="after")
     def _avatar_without_its_garments(self) -> Scene:
         """Refuses an avatar prim that contains a garment, or the reverse: one file may hold both."""
-        if self.avatar is None or self.avatar.mesh is None or self.avatar.mesh.suffix.lower() not in NAMED_MESHES:
+        if self.avatar is None or self.avatar.mesh is None or self.avatar.mesh.suffix.lower() not in mesh_formats.NAMED:
             return self
         whole = "" if self.avatar.prim is None else self.avatar.prim.rstrip("/")
         for garment in self.garments:

@@ -7,8 +7,6 @@ from typing import Any
 
 from warp_cloth.base.errors import InputError
 
-USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-
 
 def stage_values(path: Path) -> dict[str, Any]:
     """Scene values of a stage whose garments have the surface-deformable physics schema.

@@ -6,19 +6,18 @@ import difflib
 from pathlib import Path
 from typing import Any
 
-from warp_cloth.base import arguments
+from warp_cloth.base import arguments, mesh_formats
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import exists
-from warp_cloth.scene.stage import USD_SUFFIXES, stage_values
+from warp_cloth.scene.stage import stage_values
 
-MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
 PATTERN_SUFFIXES = (".json", ".dxf")
 MANNEQUIN = "mannequin"  # the shipped body, of an M
 
 
 def is_mesh(path: Path) -> bool:
     """Whether the file's name is that of a mesh; that of a USD stage may be a scene's, too."""
-    return path.suffix.lower() in (*MESH_SUFFIXES, *USD_SUFFIXES)
+    return path.suffix.lower() in mesh_formats.SUPPORTED
 
 
 def worn_on(garment: Path, on: Any, fabric: Any) -> tuple[dict[str, Any], dict[str, str]]:
@@ -33,7 +32,7 @@ def worn_on(garment: Path, on: Any, fabric: Any) -> tuple[dict[str, Any], dict[s
         raise InputError(garment, "is a folder", "name a mesh file in it")
     avatar, stated = body_named(on)
     body = avatar.get("mesh", "")
-    if Path(body).suffix.lower() in MESH_SUFFIXES and Path(body).resolve() == garment.resolve():
+    if Path(body).suffix.lower() in mesh_formats.MESHES and Path(body).resolve() == garment.resolve():
         raise InputError("on", f"{body} is the garment, too", "give the body's mesh file")
     values = {"garment": _garment(garment), "avatar": avatar}
     return values, {"garment": str(garment), **stated, **in_fabric(values, fabric)}
@@ -69,7 +68,7 @@ def _garment(path: Path) -> Any:
     """A garment's table; of a USD stage that says which of its meshes are cloth, theirs."""
     if path.suffix.lower() in PATTERN_SUFFIXES:
         return {"pattern": str(path)}
-    if path.suffix.lower() not in USD_SUFFIXES:
+    if path.suffix.lower() not in mesh_formats.USD:
         return {"mesh": str(path)}
     cloths = stage_values(path)["garment"]
     if not isinstance(cloths, list):

@@ -205,7 +205,7 @@ def _size_json(order: Order, size: SizeFit, fit: Fit | None) -> dict[str, Any]:
 def _maps_json(order: Order, fit: Fit) -> dict[str, Any]:
     found = {}
     for name in order.maps:
-        if fit.maps is not None and name in fit.maps.ranges:
+        if name in fit.map_ranges:
             values = {worn.name: worn.fields[name] for worn in fit.garments if name in worn.fields}
             texts = {garment: _base64(each.astype("<f4").tobytes()) for garment, each in values.items()}
             found[name] = {**fit.report["maps"][name], "values": texts}
@@ -221,15 +221,9 @@ def _glb(order: Order, fit: Fit) -> str | None:
     if not all(np.isfinite(worn.points).all() for worn in fit.garments):
         return None
     path = order.folder / "worn.glb"
-    ranges = fit.maps.ranges if fit.maps is not None else {}
-    colour = next((name for name in order.maps if name in ranges), "")
-    write_glb(
-        path,
-        garments=fit.garments,
-        avatar=fit.avatar if order.glb == "worn" else None,
-        ranges=ranges,
-        colour=colour,
-    )
+    colour = next((name for name in order.maps if name in fit.map_ranges), "")
+    avatar = fit.avatar if order.glb == "worn" else None
+    write_glb(path, garments=fit.garments, avatar=avatar, ranges=fit.map_ranges, colour=colour)
     return _base64(path.read_bytes())
 
 
