@@ -18,6 +18,7 @@ from warp_cloth.shapes import sphere
 
 Faces = Sequence[Sequence[int]] | np.ndarray
 Writer = Callable[[Path, np.ndarray, Faces], None]
+BOX_SIDES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # z varies fastest
 
 
 def sheet(count: int = 5, side: float = 0.5, height: float = 1.0, toward: float = 0.3) -> tuple[np.ndarray, np.ndarray]:
@@ -33,6 +34,12 @@ def ball(radius: float = 0.25, height: float = 1.25) -> tuple[np.ndarray, np.nda
     """A coarse sphere round (0, height, 0) [m]: points and triangles."""
     mesh = sphere(radius=radius, centre=(0.0, height, 0.0), edge=radius / 3.0)
     return mesh.points, mesh.triangles
+
+
+def box(low: ArrayLike, high: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """A block between two corners [m]: points and triangles, which face outwards, two for each of BOX_SIDES."""
+    points = np.array(list(itertools.product(*np.stack([low, high], axis=1))), dtype=np.float64)
+    return points, np.array([(side[0], *pair) for side in BOX_SIDES for pair in (side[1:3], side[2:])], dtype=np.int32)
 
 
 def obj_text(points: np.ndarray, faces: Faces, texcoords: ArrayLike | None = None) -> str:

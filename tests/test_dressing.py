@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from meshfiles import write_circle_skirt, write_panels
+from meshfiles import box, write_circle_skirt, write_panels
 from pxr import Usd, UsdGeom
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
@@ -98,10 +98,7 @@ def test_ways_are_the_best_over_the_free_cells(seed: int) -> None:
 
 
 def test_no_way_leads_out_of_a_closed_box() -> None:
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * 0.5
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    triangles = np.array([(q[a], q[b], q[c]) for q in quads for a, b, c in ((0, 1, 2), (0, 2, 3))], dtype=np.int32)
-    space = FreeSpace.around(corners, triangles)
+    space = FreeSpace.around(*box(np.zeros(3), np.full(3, 0.5)))
     assert space.paths(np.full(3, 0.25), [np.array([0.25, 0.25, 0.65])]) == [None]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from meshfiles import write_obj
+from meshfiles import box, write_obj
 
 import warp_cloth
 from warp_cloth.fitting.problem import Problem, collider_updates, limit_of, load_problem, tolerance_of
@@ -32,10 +32,7 @@ def turned(points: np.ndarray, degrees: float) -> np.ndarray:
 
 def slab(width: float = 0.4, thickness: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
     """A block whose upper side is y = 0: points and triangles."""
-    x, z, y = 0.5 * width, 0.5 * width, -thickness
-    points = np.array([[i, j, k] for i in (-x, x) for j in (y, 0.0) for k in (-z, z)])
-    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    return points, np.array([[a, b, c] for q in quads for a, b, c in ((q[0], q[1], q[2]), (q[0], q[2], q[3]))])
+    return box((-0.5 * width, -thickness, -0.5 * width), (0.5 * width, 0.0, 0.5 * width))
 
 
 def sheet(height: float, count: int = 6) -> tuple[np.ndarray, np.ndarray]:

@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 OFF = 0.006  # [m] of the shirt from the skin
 ELBOW, HEM = 0.62, -0.05  # of an arm's curve, where sleeves end; [m] above the middle of the trunk
 
+LIMBS: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))  # of a shirt's neckline, sleeves and hem
+
 
 @dataclass(frozen=True)
 class Shirt:
@@ -170,24 +172,26 @@ def test_a_crossing_left_in(shirt: Shirt) -> None:
     assert "crossing" in shirt.codes(worn)
 
 
+@pytest.fixture(scope="module")
+def shoulders(shirt: Shirt) -> Shoulders:
+    return Shoulders.of(LIMBS, shirt.points, shirt.triangles, shirt.skeleton)
+
+
 def test_straps_that_hang_on_the_arms_have_slipped_off_the_shoulders(shirt: Shirt) -> None:
     """All cloth over the shoulders is gone but a ring round each arm."""
-    limbs = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
     down = shirt.points - 0.25 * shirt.skeleton.up
 
     def slipped(limbs: Sequence[Limbs], start: Floats, worn: Floats) -> Limbs:
         return Shoulders.of(limbs, start, shirt.triangles, shirt.skeleton).slipped(worn, shirt.triangles)
 
-    assert slipped(limbs, shirt.points, shirt.points) == ()
-    assert slipped(limbs, shirt.points, down) == (RIGHT_ARM, LEFT_ARM)
-    assert slipped(limbs, down, down) == (), "it began there"
+    assert slipped(LIMBS, shirt.points, shirt.points) == ()
+    assert slipped(LIMBS, shirt.points, down) == (RIGHT_ARM, LEFT_ARM)
+    assert slipped(LIMBS, down, down) == (), "it began there"
     assert slipped(((0, 1, 2), (3, 4)), shirt.points, down) == (), "a strapless one"
 
 
-def test_straps_that_moved_out_beyond_the_root_of_the_arm_have_slipped(shirt: Shirt) -> None:
+def test_straps_that_moved_out_beyond_the_root_of_the_arm_have_slipped(shirt: Shirt, shoulders: Shoulders) -> None:
     """They reach as high there as on the shoulder."""
-    limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
-    shoulders = Shoulders.of(limbs, shirt.points, shirt.triangles, shirt.skeleton)
     aside = np.sign((shirt.points - shirt.skeleton.middle) @ shirt.skeleton.left)
     for place, slips in ((0.95, False), (1.1, True)):
         inner = shoulders.begun[LEFT_ARM].inner
@@ -196,10 +200,8 @@ def test_straps_that_moved_out_beyond_the_root_of_the_arm_have_slipped(shirt: Sh
         assert bool(shoulders.slipped(worn, shirt.triangles)) == slips
 
 
-def test_cloth_between_the_neck_and_a_raised_arm_lies_on_the_shoulder(shirt: Shirt) -> None:
+def test_cloth_between_the_neck_and_a_raised_arm_lies_on_the_shoulder(shirt: Shirt, shoulders: Shoulders) -> None:
     """The arm's muscle stands higher there than the cloth beside it."""
-    limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
-    shoulders = Shoulders.of(limbs, shirt.points, shirt.triangles, shirt.skeleton)
     higher = replace(shoulders, skin={arm: 1.9 * top for arm, top in shoulders.skin.items()})
     assert higher.placed == [RIGHT_ARM, LEFT_ARM]
     assert higher.slipped(shirt.points, shirt.triangles) == ()
@@ -207,20 +209,18 @@ def test_cloth_between_the_neck_and_a_raised_arm_lies_on_the_shoulder(shirt: Shi
 
 def test_only_cloth_on_the_shoulder_tells_how_high_a_garment_is(shirt: Shirt) -> None:
     """Not the lower half of a sleeve, beside a strap that is narrow."""
-    limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
     skeleton = shirt.skeleton
     roots = [skeleton.curves[arm][skeleton.joints[arm]] for arm in (RIGHT_ARM, LEFT_ARM)]
     width, root = float((roots[1] - roots[0]) @ skeleton.left) / 2.0, float(np.mean(roots, axis=0) @ skeleton.up)
     aside = np.abs((shirt.points - skeleton.middle) @ skeleton.left)
     off = (aside > 0.75 * width) & (shirt.points @ skeleton.up > root)
     narrow = shirt.triangles[~off[shirt.triangles].any(axis=1)]
-    whole = height_over_shoulders(limbs, shirt.points, shirt.triangles, skeleton)
-    assert height_over_shoulders(limbs, shirt.points, narrow, skeleton) == pytest.approx(whole, abs=0.02)
+    whole = height_over_shoulders(LIMBS, shirt.points, shirt.triangles, skeleton)
+    assert height_over_shoulders(LIMBS, shirt.points, narrow, skeleton) == pytest.approx(whole, abs=0.02)
 
 
 def test_a_hood_that_stands_on_a_narrow_shoulder_does_not_tell_its_height(shirt: Shirt) -> None:
     """An adult's hood on a child: its sides stand where the child's shoulders are, and the garment's lie outside it."""
-    limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
     skeleton = shirt.skeleton
     roots = [skeleton.curves[arm][skeleton.joints[arm]] for arm in (RIGHT_ARM, LEFT_ARM)]
     width = float((roots[1] - roots[0]) @ skeleton.left) / 2.0
@@ -233,7 +233,7 @@ def test_a_hood_that_stands_on_a_narrow_shoulder_does_not_tell_its_height(shirt:
         points = np.concatenate([row - 0.2 * skeleton.forward, row + 0.2 * skeleton.forward])
         first = np.arange(5)
         triangles = np.concatenate([[first, first + 1, first + 6], [first + 1, first + 7, first + 6]], axis=1).T
-        return height_over_shoulders(limbs, points, triangles.astype(np.int32), skeleton)
+        return height_over_shoulders(LIMBS, points, triangles.astype(np.int32), skeleton)
 
     assert height(0.3) - height(0.2) == pytest.approx(0.1, abs=0.001)
     assert height(-0.2) > 0.4  # cloth so low is no shoulder
@@ -256,9 +256,7 @@ def test_a_wide_skirt_round_the_shoulders_is_lowered_to_the_waist(shirt: Shirt) 
     assert float((wearing.onto[:count].mean(axis=0) - body.waist) @ body.up) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_straps_are_tugged_inwards_along_the_shoulders_until_they_lie_there(shirt: Shirt) -> None:
-    limbs: Sequence[Limbs] = ((0,), (RIGHT_ARM,), (LEFT_ARM,), (3, 4))
-    shoulders = Shoulders.of(limbs, shirt.points, shirt.triangles, shirt.skeleton)
+def test_straps_are_tugged_inwards_along_the_shoulders_until_they_lie_there(shirt: Shirt, shoulders: Shoulders) -> None:
     assert tugged(shoulders, shirt.points, shirt.triangles) is None, "they lie there"
     aside = np.sign((shirt.points - shirt.skeleton.middle) @ shirt.skeleton.left)
     worn, steps = shirt.points + 0.08 * aside[:, None] * shirt.skeleton.left, 0

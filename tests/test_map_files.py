@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from meshfiles import BOX_SIDES
 from PIL import Image
 from pxr import Usd, UsdGeom, UsdShade, UsdValidation
 from worn import box_avatar, worn
@@ -230,8 +231,7 @@ def test_a_users_own_body_of_quads_is_read_where_it_stands(tmp_path: Path) -> No
     body = UsdGeom.Mesh.Define(stage, "/fit/theirs/body")
     body.CreatePointsAttr([(x, y, z) for x in (0, 170) for y in (0, 170) for z in (0, 50)])
     body.CreateFaceVertexCountsAttr([4] * 6)
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    body.CreateFaceVertexIndicesAttr([corner for side in sides for corner in side])
+    body.CreateFaceVertexIndicesAttr([corner for side in BOX_SIDES for corner in side])
     stage.Save()
     avatar = read_fit(tmp_path).avatar
     assert avatar.triangle_count == 12

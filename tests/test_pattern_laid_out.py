@@ -11,6 +11,7 @@ import pytest
 from test_pattern import panel, specification, topology
 
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.pattern import load_pattern, may_be_laid_round
 from warp_cloth.scene import load_scene
@@ -42,14 +43,20 @@ def written(path: Path, panels: dict[str, Any], stitches: list[Any]) -> Path:
     return path
 
 
+def laid(folder: Path, panels: dict[str, Any], stitches: list[Any]) -> Mesh:
+    """What is loaded, which is laid round the body."""
+    mesh = load_pattern(written(folder / "a_specification.json", panels, stitches), edge=EDGE)
+    assert any("laid round the body" in note for note in mesh.notes)
+    return mesh
+
+
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("is_crossed", [False, True])
 def test_a_top_is_laid_round_the_trunk(is_crossed: bool, mirrored: bool, tmp_path: Path) -> None:
     """Whether its back is drawn from outside or as seen through the front, and whichever way its loop runs."""
     panels = {"front": top(0.5), "back": top(0.15, mirrored)}
-    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, seams(is_crossed)), edge=EDGE)
+    mesh = laid(tmp_path, panels, seams(is_crossed))
     assert topology(mesh) == (4, -2)
-    assert any("laid round the body" in note for note in mesh.notes)
     front, back = (mesh.points[np.unique(mesh.triangles[mesh.panels == k])] for k in (0, 1))
     assert front[:, 2].mean() > 0.05 > -0.05 > back[:, 2].mean()
     assert 1.2 < front[:, 1].max() < 1.6  # at the shoulders of a usual person
@@ -62,8 +69,7 @@ def test_gores_go_round_the_waist_in_their_order(tmp_path: Path) -> None:
     gore = panel([[-18, 0], [18, 0], [9.5, 60], [-9.5, 60]])
     panels = {f"gore_{k}": gore for k in range(4)}
     stitches = [(f"gore_{k}", 1, f"gore_{(k + 1) % 4}", 3) for k in range(4)]
-    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
-    assert any("laid round the body" in note for note in mesh.notes)
+    mesh = laid(tmp_path, panels, stitches)
     assert topology(mesh) == (2, 0)
     assert np.linalg.norm(np.ptp(mesh.points, axis=0)[[0, 2]]) > 0.4
 
@@ -97,9 +103,7 @@ def test_of_ways_to_lay_panels_those_with_handles_are_none(tmp_path: Path) -> No
     for one, other in ((4, 7), (7, 8)):
         stitches.append(("left_ftorso", one, "left_btorso", other))
         stitches.append(("right_ftorso", 9 - one, "right_btorso", 10 - other))
-    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
-    assert any("laid round the body" in note for note in mesh.notes)
-    assert topology(mesh) == (2, 0)
+    assert topology(laid(tmp_path, panels, stitches)) == (2, 0)
 
 
 def test_a_shoulder_over_two_panels_is_sewn_in_their_order(tmp_path: Path) -> None:
@@ -116,9 +120,7 @@ def test_a_shoulder_over_two_panels_is_sewn_in_their_order(tmp_path: Path) -> No
         stitches += [("front_mid", other[n], name, k[5 - n]) for n in (0, 1)]
         stitches += [(name, k[1], "back", back), ("front_mid", other[2], "back", SHOULDERS[name.endswith("r")])]
         stitches.append((name, k[3], "back", SHOULDERS[name.endswith("r")]))
-    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
-    assert any("laid round the body" in note for note in mesh.notes)
-    assert topology(mesh) == (4, -2)
+    assert topology(laid(tmp_path, panels, stitches)) == (4, -2)
 
 
 def trouser(hip: float, fork: float) -> dict[str, Any]:
@@ -138,9 +140,7 @@ def test_codes_of_halves_tell_legs(tmp_path: Path) -> None:
         panels[name.replace("l", "r")] = panel([[-x, y] for x, y in left["vertices"]], edges=edges)
     stitches = [(f"{side}f", k, f"{side}b", k) for side in "lr" for k in (1, 4)]
     stitches += [(f"l{face}", 3, f"r{face}", 3) for face in "fb"]
-    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
-    assert any("laid round the body" in note for note in mesh.notes)
-    assert topology(mesh) == (3, -1)
+    assert topology(laid(tmp_path, panels, stitches)) == (3, -1)
 
 
 def half_sleeve(is_left: bool) -> dict[str, Any]:
@@ -169,8 +169,7 @@ def test_sleeves_of_halves_are_laid_round_the_arms(named: str, tmp_path: Path) -
             (front, 3, "Vorderteil", armhole),
             (back, 3, "dos", armhole),
         ]
-    mesh = load_pattern(written(tmp_path / "a_specification.json", panels, stitches), edge=EDGE)
-    assert any("laid round the body" in note for note in mesh.notes)
+    mesh = laid(tmp_path, panels, stitches)
     assert topology(mesh) == (4, -2)
     middles = {
         name: mesh.points[np.unique(mesh.triangles[mesh.panels == k])].mean(axis=0) for k, name in enumerate(panels)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from meshfiles import obj_text
+from meshfiles import box, obj_text
 
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.trims import Trims
@@ -27,10 +27,8 @@ def sheet(height: float = 0.0, side: float = 1.0) -> Part:
 
 
 def cube(middle: tuple[float, float, float], size: float = 0.008) -> Part:
-    corners = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)]) - 0.5
-    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    triangles = [corners for a, b, c, d in faces for corners in ((a, b, c), (a, c, d))]
-    return size * corners + middle, np.array(triangles)
+    points, triangles = box(np.full(3, -0.5), np.full(3, 0.5))
+    return size * points + middle, triangles
 
 
 def loaded(tmp_path: Path, *parts: Part) -> Mesh:

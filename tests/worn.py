@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from cloths import grid
+from meshfiles import box
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.model.result import WornGarment
@@ -38,7 +39,4 @@ def worn(name: str = "shirt", *, frame_count: int = 0, height: float = 1.0, towa
 
 def box_avatar(name: str = "body") -> Mesh:
     """A box 0.4 m wide and deep and 1.6 m high, standing on the ground."""
-    corners = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (0.0, 1.6) for z in (-0.2, 0.2)])
-    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    triangles = [[a, b, c] for q in quads for a, b, c in ((q[0], q[1], q[2]), (q[0], q[2], q[3]))]
-    return Mesh(name, corners, np.array(triangles, dtype=np.int32))
+    return Mesh(name, *box((-0.2, 0.0, -0.2), (0.2, 1.6, 0.2)))

@@ -99,6 +99,25 @@ def _facing(avatar: Mesh, orientation: float) -> Indices:
     return avatar.triangles if orientation > 0.0 else np.ascontiguousarray(avatar.triangles[:, ::-1])
 
 
+def closest_faces(
+    points: NDArray[np.floating], triangles: Indices, places: NDArray[np.floating], device: str
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]:
+    """Where a mesh is nearest to places, shape [N, 3], in float32: the points, their faces, weights of its corners.
+
+    Shapes [N, 3], [N] and [N, 3]; of the mesh [V, 3] and [F, 3].
+    """
+    mesh = wp.Mesh(
+        points=wp.array(points.astype(np.float32), dtype=wp.vec3f, device=device),
+        indices=wp.array(triangles.ravel(), dtype=wp.int32, device=device),
+    )
+    queries = wp.array(places.astype(np.float32), dtype=wp.vec3f, device=device)
+    face, weight = wp.empty(len(queries), dtype=wp.int32, device=device), wp.zeros_like(queries)
+    found = wp.empty_like(queries)
+    inputs, outputs = [mesh.id, queries], [found, face, weight]
+    wp.launch(kernels.find_closest, dim=len(queries), inputs=inputs, outputs=outputs, device=device)
+    return found.numpy(), face.numpy(), weight.numpy()
+
+
 def build_exact_collider(
     avatar: Mesh,
     device: wp.DeviceLike = None,

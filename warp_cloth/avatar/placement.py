@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.avatar.exact import build_exact_collider
-from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.base.mesh import Mesh, Points, face_normals
 
 DEEP = 0.02  # [m]; vertices that start less deep come out by themselves
 SHIFTS_UP = np.arange(-0.04, 0.161, 0.01)  # [m]; a head taller or shorter is 0.2, its shoulders less
@@ -72,7 +72,7 @@ def _onto_middle(points: Points, avatar: Mesh) -> Points:
     low, high = points.min(axis=0), points.max(axis=0)
     corners = avatar.points[avatar.triangles]
     middles = corners.mean(axis=1)
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(face_normals(corners), axis=1)
     area = np.where((middles[:, 1] >= low[1]) & (middles[:, 1] <= high[1]), area, 0.0)
     if not area.any():
         return np.zeros(3)

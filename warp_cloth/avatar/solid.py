@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from warp_cloth.avatar.clothes import worn_parts
 from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.lids import cones, with_tips
-from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.base.mesh import Indices, Mesh, Points, face_normals
 from warp_cloth.base.stored_value import stored_value
 
 THINNEST = 1e-3  # [m]; a part with less volume over area is a sheet: thinner than the offset of cloth
@@ -68,7 +68,7 @@ def _closing_of(mesh: Mesh) -> Closing:
     points = with_tips(mesh.points, rims)
     part = _parts(triangles, len(points))
     corners = points[triangles] - points[part][:, None]  # about the part's own vertex: it may be far from the origin
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = face_normals(corners)
     face_area = 0.5 * np.linalg.norm(normal, axis=1)
 
     def of_parts(values: NDArray[np.float64], first: int = 0) -> NDArray[np.float64]:

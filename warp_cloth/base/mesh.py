@@ -99,10 +99,15 @@ class Mesh:
         return {name: array for name, array in found.items() if array is not None}
 
 
+def face_normals(corners: Points) -> Points:
+    """Normals of triangles [m], shape [F, 3, 3], as long as twice their areas [m2], shape [F, 3]."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
 def vertex_normals(points: ArrayLike, triangles: Indices) -> NDArray[np.float32]:
     """Unit vertex normals, triangles weighted by area, shape [V, 3]; up (0, 1, 0) where no area meets."""
     corners = np.asarray(points, dtype=np.float64)[triangles]
-    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    doubled = face_normals(corners)
     count = len(np.asarray(points))
     # bincount sums in a fixed order and is ten times faster than np.add.at
     spread = np.repeat(doubled, 3, axis=0)

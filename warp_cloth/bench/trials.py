@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from warp_cloth.base.mesh import Indices, Mesh, Points
@@ -55,10 +56,7 @@ def pull(
     """
     across, place = along(mesh)
     length, width = np.ptp(place), np.ptp(across)
-    far = place > length * (1.0 - 1e-6)
-    specimen = Specimens(
-        [piece(mesh, fabric, _ids(far | (place < length * 1e-6)), grain_degrees=grain_degrees)], device=device
-    )
+    specimen, far = _clamped(mesh, fabric, 1e-6 * length, grain_degrees, device)
     middle = np.abs(place / length - 0.5) < 0.2
     readings = []
     for strain in strains:
@@ -68,6 +66,16 @@ def pull(
         stretch = -np.polyfit(place[middle], settled.points[middle, 2], 1)[0]
         readings.append(Reading(float(stretch) - 1.0, float(settled.forces[far, 2].sum() / width)))
     return readings
+
+
+def _clamped(
+    mesh: Mesh, fabric: Fabric, clamp: float, grain_degrees: float, device: str
+) -> tuple[Specimens, NDArray[np.bool_]]:
+    """A strip that is clamped at both ends over this length [m], and which vertices the far clamp holds, shape [V]."""
+    _, place = along(mesh)
+    far = place > np.ptp(place) - clamp
+    held = _ids(far | (place < clamp))
+    return Specimens([piece(mesh, fabric, held, grain_degrees=grain_degrees)], device=device), far
 
 
 def released(mesh: Mesh, fabric: Fabric, strains: Sequence[float], *, device: str = "cpu") -> list[Reading]:
@@ -102,10 +110,7 @@ def shear(
     """
     across, place = along(mesh)
     length, width = np.ptp(place), np.ptp(across)
-    far = place > length * (1.0 - 1e-6)
-    specimen = Specimens(
-        [piece(mesh, fabric, _ids(far | (place < length * 1e-6)), grain_degrees=grain_degrees)], device=device
-    )
+    specimen, far = _clamped(mesh, fabric, 1e-6 * length, grain_degrees, device)
     middle = np.abs(across) < 0.25 * width
     clamp = np.flatnonzero(far)[np.argsort(across[far])]
     clamped, widths = clamp[middle[clamp]], np.gradient(across[clamp])[middle[clamp]]
@@ -136,11 +141,7 @@ def bend(
     """
     across, place = along(mesh)
     length, width = np.ptp(place), np.ptp(across)
-    clamp_end = clamp * (1.0 + 1e-6)
-    far = place > length - clamp_end
-    specimen = Specimens(
-        [piece(mesh, fabric, _ids(far | (place < clamp_end)), grain_degrees=grain_degrees)], device=device
-    )
+    specimen, far = _clamped(mesh, fabric, clamp * (1.0 + 1e-6), grain_degrees, device)
     middle, section = np.abs(place / length - 0.5) < 0.2, np.abs(place / length - 0.5) < 0.06
     readings = []
     for curvature in curvatures:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from warp_cloth.avatar.collider import Collider
-from warp_cloth.avatar.depth import DEFAULT_REACH
+from warp_cloth.avatar.depth import DEFAULT_REACH, contact_bounds
 from warp_cloth.avatar.field import FieldBuild, build_contact_field
 from warp_cloth.avatar.layers import build_layered_buffers
 from warp_cloth.base.mesh import Indices, Points
@@ -24,9 +22,8 @@ class BodyCollider:
 
     def of(self, surface: Points, cloth: Points) -> Collider:
         """The collider of a body with these vertices, near cloth at these points [m]."""
-        lower = np.maximum(cloth.min(axis=0), surface.min(axis=0)) - MARGIN
-        upper = np.minimum(cloth.max(axis=0), surface.max(axis=0)) + MARGIN
-        buffers = build_layered_buffers(surface, self._triangles, lower, upper, PIXEL, self._device)
+        bounds = contact_bounds(cloth, surface, MARGIN)
+        buffers = build_layered_buffers(surface, self._triangles, *bounds, PIXEL, self._device)
         field = build_contact_field(buffers, reach=DEFAULT_REACH)
         self._built = [*self._built[-1:], field]  # the one before is in use until the new one is set
         return Collider(field_contact, field.limited_to(self._offset, 0.0), ContactField)

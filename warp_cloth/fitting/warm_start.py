@@ -7,15 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.avatar.exact import closest_faces
 from warp_cloth.base import mesh_formats
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.export.meshes import AVATAR_NODE, TRIMS_NODE
 from warp_cloth.fitting.problem import Problem
-from warp_cloth.kernels.avatar.closest import find_closest
 from warp_cloth.loading import load_mesh
 from warp_cloth.loading.generic import gltf_mesh_names
 from warp_cloth.loading.load import read_raw
@@ -130,17 +129,9 @@ def corresponding_points(old: Mesh, worn: Points, new: Mesh, device: str = "cpu"
     if not shared or old.texcoords is None or new.texcoords is None or old.panels is None or new.panels is None:
         return None
     old_places, new_places = _panel_places(old, old.panel_names), _panel_places(new, old.panel_names)
-    surface = wp.Mesh(
-        points=wp.array(old_places.reshape(-1, 3), dtype=wp.vec3f, device=device),
-        indices=wp.array(np.arange(3 * len(old_places), dtype=np.int32), dtype=wp.int32, device=device),
-    )
-    queries = wp.array(new_places.reshape(-1, 3), dtype=wp.vec3f, device=device)
-    face = wp.empty(len(queries), dtype=wp.int32, device=device)
-    weight = wp.zeros(len(queries), dtype=wp.vec3f, device=device)
-    outputs = [wp.empty_like(queries), face, weight]
-    wp.launch(find_closest, dim=len(queries), inputs=[surface.id, queries], outputs=outputs, device=device)
-    corners = worn[old.triangles[face.numpy()]]
-    found = (corners * weight.numpy()[:, :, None]).sum(axis=1)
+    apart = np.arange(3 * len(old_places), dtype=np.int32)  # each triangle has corners of its own
+    _, face, weight = closest_faces(old_places.reshape(-1, 3), apart, new_places.reshape(-1, 3), device)
+    found = (worn[old.triangles[face]] * weight[:, :, None]).sum(axis=1)
     vertex = new.triangles.ravel()
     count = np.bincount(vertex, minlength=new.vertex_count)
     means = np.column_stack([np.bincount(vertex, found[:, axis], new.vertex_count) / count for axis in range(3)])

@@ -9,7 +9,7 @@ import numpy as np
 from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
 from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.mesh import Mesh, face_normals
 from warp_cloth.base.topology import build_topology
 from warp_cloth.loading.repair import CLOSED
 
@@ -71,10 +71,10 @@ def _is_body(part: Mesh) -> bool:
 
 
 def _is_solid(mesh: Mesh) -> bool:
-    a, b, c = np.moveaxis(mesh.points[mesh.triangles] - mesh.points.mean(axis=0), 1, 0)
-    normal = np.cross(b - a, c - a)
+    corners = mesh.points[mesh.triangles] - mesh.points.mean(axis=0)
+    normal = face_normals(corners)
     area = 0.5 * float(np.linalg.norm(normal, axis=1).sum())
-    volume = abs(float(np.einsum("ij,ij->", a, normal))) / 6.0
+    volume = abs(float(np.einsum("ij,ij->", corners[:, 0], normal))) / 6.0
     return volume > SOLID * float(np.ptp(mesh.points, axis=0).max()) * area
 
 
@@ -83,6 +83,5 @@ def _rims(mesh: Mesh) -> float:
     topology = build_topology(mesh.triangles, mesh.vertex_count)
     uses = np.bincount(topology.triangle_edges.ravel(), minlength=len(topology.edges))
     ends = mesh.points[topology.edges[uses == 1]]
-    a, b, c = np.moveaxis(mesh.points[mesh.triangles], 1, 0)
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    area = 0.5 * float(np.linalg.norm(face_normals(mesh.points[mesh.triangles]), axis=1).sum())
     return float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()) / max(area, np.finfo(float).tiny) ** 0.5

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.chunks import map_chunks
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.mesh import Indices, Mesh
+from warp_cloth.base.mesh import Indices, Mesh, face_normals
 from warp_cloth.base.quantiles import median
 from warp_cloth.base.threads import concatenate
 from warp_cloth.base.topology import Topology, build_topology
@@ -122,7 +122,7 @@ def _drawn_flat(mesh: Mesh, grain: Grain, key: str, source: RestSource) -> Float
         drawn = u * mesh.texcoords[..., 0] + 1j * (v * mesh.texcoords[..., 1])
     else:
         corners = mesh.points[mesh.triangles]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals = face_normals(corners)
         total = normals.sum(axis=0)
         normal = total / max(float(np.linalg.norm(total)), np.finfo(float).tiny)
         if (np.linalg.norm(np.cross(normals, normal), axis=1) > FLATNESS * np.linalg.norm(normals, axis=1)).any():

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
+from warp_cloth.base.mesh import face_normals
 from warp_cloth.base.trims import nearest_faces
 from warp_cloth.loading.raw import Floats, Ints
 from warp_cloth.loading.unique_rows import edges_of
@@ -28,9 +29,8 @@ class _Sheets:
 
     def area(self) -> Floats:
         """Of each sheet, by its number, twice."""
-        a, b, c = np.moveaxis(self.points[self.triangles], 1, 0)
-        twice: Floats = np.bincount(self.sheet, np.linalg.norm(np.cross(b - a, c - a), axis=1)).astype(np.float64)
-        return twice
+        twice = np.linalg.norm(face_normals(self.points[self.triangles]), axis=1)
+        return np.bincount(self.sheet, twice).astype(np.float64)
 
     def lies_on_others(self, sheet: int) -> bool:
         """Whether its rims are all near other sheets, as those of what is sewn onto cloth; or it has none."""

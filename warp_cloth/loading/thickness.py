@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components, mesh_parts
+from warp_cloth.base.mesh import face_normals
 from warp_cloth.base.trims import nearest_faces
 from warp_cloth.loading.raw import Floats, Ints
 from warp_cloth.loading.unique_rows import edges_of
@@ -60,8 +61,7 @@ def _shell(points: Floats, triangles: Ints) -> Shell | None:
     order = np.argsort(number.ravel(), kind="stable")
     first = (np.cumsum(count) - count)[count == 2]
     pairs = np.stack([order[first], order[first + 1]]) // 3  # the faces at each edge
-    a, b, c = np.moveaxis(points[triangles], 1, 0)
-    normals = np.cross(b - a, c - a)
+    normals = face_normals(points[triangles])
     area = np.linalg.norm(normals, axis=1)
     normals = normals / np.where(area > 0.0, area, 1.0)[:, None]
     turn = np.einsum("ij,ij->i", normals[pairs[0]], normals[pairs[1]])

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.connected import mesh_parts
+from warp_cloth.base.mesh import face_normals
 from warp_cloth.base.trims import RIGID, nearest_faces
 from warp_cloth.loading.raw import Floats, Ints
 from warp_cloth.loading.unique_rows import rim_edges
@@ -31,7 +32,7 @@ def trims_among(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
     if part.max() == 0:
         return np.zeros(len(triangles), dtype=bool)
     corners = points[triangles]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(face_normals(corners), axis=1)
     total = np.bincount(part, area)
     shares = total / total.max()
     loose = (shares < SHARE)[part]

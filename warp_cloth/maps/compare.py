@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.avatar.exact import closest_faces
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.kernels.avatar.closest import find_closest
 from warp_cloth.maps.kinds import MAPS, difference_of, shown_range
 from warp_cloth.maps.read import WrittenFit
 from warp_cloth.model.result import WornGarment, matched
@@ -103,17 +102,8 @@ def _nearest(
     points: Points, other: WornGarment, device: str
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]:
     """Distance [m] to a worn garment, its nearest face and the place there; shapes [V], [V] and [V, 3]."""
-    mesh = wp.Mesh(
-        points=wp.array(other.points.astype(np.float32), dtype=wp.vec3f, device=device),
-        indices=wp.array(other.mesh.triangles.ravel(), dtype=wp.int32, device=device),
-    )
-    places = wp.array(points.astype(np.float32), dtype=wp.vec3f, device=device)
-    face = wp.empty(len(places), dtype=wp.int32, device=device)
-    weight = wp.zeros(len(places), dtype=wp.vec3f, device=device)
-    found = wp.empty_like(places)
-    wp.launch(find_closest, dim=len(places), inputs=[mesh.id, places], outputs=[found, face, weight], device=device)
-    distance = np.linalg.norm(found.numpy() - places.numpy(), axis=1)
-    return distance, face.numpy(), weight.numpy()
+    found, face, weight = closest_faces(other.points, other.mesh.triangles, points, device)
+    return np.linalg.norm(found - points.astype(np.float32), axis=1), face, weight
 
 
 def _values_at(

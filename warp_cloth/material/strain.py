@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.mesh import Indices, Points
+from warp_cloth.base.mesh import Indices, Points, face_normals
 from warp_cloth.material.constants import THINNEST_FRACTION, Sheet
 
 Floats = NDArray[np.float64]
@@ -68,6 +68,5 @@ def vertex_means(values: Floats, areas: Floats, triangles: Indices, count: int) 
 
 def vertex_areas(points: Points, triangles: Indices) -> Floats:
     """A third of the area of the triangles around every vertex [m2], shape [V]."""
-    corners = points[triangles]
-    double = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    double = np.linalg.norm(face_normals(points[triangles]), axis=1)
     return np.asarray(np.bincount(triangles.ravel(), np.repeat(double / 6.0, 3), len(points)), dtype=np.float64)

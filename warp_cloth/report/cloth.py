@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.anatomy.skeleton import skeleton_of
-from warp_cloth.base.mesh import Points
+from warp_cloth.base.mesh import Points, face_normals
 from warp_cloth.base.quantiles import quantiles
 from warp_cloth.loading.raw import counted
 from warp_cloth.material.strain import face_strains
@@ -95,8 +95,7 @@ def bunched_up(judged: Judged) -> FitProblem | None:
     topology, points, triangles = judged.garment.rest.topology, judged.points, judged.garment.triangles
     if not len(topology.hinges):
         return None
-    corners = points[triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = face_normals(points[triangles])
     first, second = (normals[topology.hinge_triangles[:, side]] for side in (0, 1))
     # sizes of the normals by products, which are faster than norms
     product = np.einsum("hi,hi->h", first, second)
