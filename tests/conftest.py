@@ -18,6 +18,8 @@ from hypothesis import HealthCheck, settings
 
 from warp_cloth.base import compilers
 from warp_cloth.base.first_run import note_kernels
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.shapes import mannequin
 
 # Every property gets a few examples in the suite, the same ones on every run; --hypothesis-profile=fuzz looks for
 # new ones, $WARP_CLOTH_FUZZ of them (100,000 unless it says otherwise) for each property.
@@ -136,3 +138,9 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip("no real meshes here: set WARP_CLOTH_DATA to a folder that has them")
     return folder
+
+
+@pytest.fixture(scope="session")
+def body() -> Mesh:
+    """The shipped mannequin, of an M."""
+    return mannequin()

@@ -7,6 +7,7 @@ import json
 import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.loading import load_mesh
 from warp_cloth.shapes import sphere
 
 Faces = Sequence[Sequence[int]] | np.ndarray
@@ -61,6 +63,12 @@ def as_mesh(*shapes: trimesh.Trimesh) -> Mesh:
     """A shape, or several as one."""
     shape = trimesh.util.concatenate(list(shapes))
     return Mesh("shape", np.asarray(shape.vertices, dtype=np.float64), np.asarray(shape.faces, dtype=np.int32))
+
+
+def written_garment(path: Path, points: np.ndarray, faces: Faces, **options: Any) -> Mesh:
+    """A garment from an OBJ file of its own, in metres; ``options`` as for ``load_mesh``."""
+    write_obj(path, points, faces)
+    return load_mesh(path, role="garment", key="garment", **{"units": "m", **options})
 
 
 def write_panels(path: Path, points: np.ndarray, mesh: Mesh, scale: float = 1.0) -> Path:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from cloths import tube
 
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.report.notes import notes_of
-from warp_cloth.shapes import mannequin, sphere
+from warp_cloth.shapes import sphere
 
 SKIRT = tube(0.2, 0.6, 1.1)  # round the waist of the mannequin
 THROAT = tube(0.02, 1.2, 1.3)  # within its chest, and open at both ends
@@ -21,11 +20,6 @@ def together(*meshes: Mesh) -> Mesh:
     starts = np.cumsum([0, *(mesh.vertex_count for mesh in meshes[:-1])])
     triangles = np.concatenate([mesh.triangles + start for mesh, start in zip(meshes, starts, strict=True)])
     return Mesh("body", np.concatenate([mesh.points for mesh in meshes]), triangles.astype(np.int32))
-
-
-@pytest.fixture(scope="module")
-def body() -> Mesh:
-    return mannequin()
 
 
 def test_a_skirt_round_a_body_is_worn_by_it(body: Mesh) -> None:

@@ -4,31 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from meshfiles import box
 
 from warp_cloth.anatomy.ground import above_ground
 from warp_cloth.anatomy.person import understand
 from warp_cloth.anatomy.wrapping import wrapped
-from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.shapes import mannequin
+from warp_cloth.base.mesh import Indices, Mesh, Points
 
-FACES = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4]]
-FACES += [[1, 5, 7], [1, 7, 3]]
 SOLES = 0.012  # [m] that the feet are sunk in
 
 
-def box(half: float, low: float, high: float) -> Points:
-    return np.array([[x, y, z] for x in (-half, half) for y in (low, high) for z in (-half, half)], dtype=np.float64)
-
-
-@pytest.fixture(scope="module")
-def body() -> Mesh:
-    return mannequin()
+def block(half: float, low: float, high: float) -> tuple[Points, Indices]:
+    return box((-half, low, -half), (half, high, half))
 
 
 @pytest.mark.parametrize(("half", "low"), [(0.6, -0.03), (0.35, -0.4)])
 def test_who_is_grown_together_with_a_floor_or_a_plinth_has_limbs(body: Mesh, half: float, low: float) -> None:
-    faces = np.concatenate([body.triangles, np.array(FACES) + body.vertex_count]).astype(np.int32)
-    scan = Mesh("scan", *wrapped(np.vstack([body.points, box(half, low, SOLES)]), faces))
+    corners, sides = block(half, low, SOLES)
+    faces = np.concatenate([body.triangles, sides + body.vertex_count]).astype(np.int32)
+    scan = Mesh("scan", *wrapped(np.vstack([body.points, corners]), faces))
     found, alone = understand(scan), understand(Mesh("scan", *wrapped(body.points, body.triangles)))
     assert found.skeleton is not None, found.reason
     assert found.skeleton.is_on_ground
@@ -44,4 +38,4 @@ def test_who_is_grown_together_with_a_floor_or_a_plinth_has_limbs(body: Mesh, ha
 
 def test_bodies_and_boxes_stand_on_nothing(body: Mesh) -> None:
     assert above_ground(body.points, body.triangles) is None
-    assert above_ground(box(0.4, 0.0, 1.0), np.array(FACES)) is None
+    assert above_ground(*block(0.4, 0.0, 1.0)) is None

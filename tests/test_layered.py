@@ -7,20 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cloths import tube
-from meshfiles import obj_text
+from meshfiles import written_garment
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
-from warp_cloth.loading import load_mesh
 
 AROUND, ROWS = 24, 9
 SKIRT = tube(0.15, 0.4, 0.8, AROUND, ROWS)
-
-
-def load(path: Path, points: np.ndarray, faces: np.ndarray) -> Mesh:
-    path.write_text(obj_text(points, faces))
-    return load_mesh(path, role="garment", key="garment")
 
 
 def layered(rows: range, columns: range, away: float, sewn: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -56,16 +49,16 @@ PARTS = {
 @pytest.mark.parametrize("part", PARTS)
 def test_what_is_sewn_onto_cloth_is_read_and_the_openings_stay(tmp_path: Path, part: str) -> None:
     points, faces = layered(*PARTS[part][:2], 0.004, PARTS[part][2])
-    mesh = load(tmp_path / "skirt.obj", points, faces)
+    mesh = written_garment(tmp_path / "skirt.obj", points, faces)
     assert mesh.triangle_count == len(faces)
     assert [len(loop) for loop in build_topology(mesh.triangles, mesh.vertex_count).boundary_loops] == [AROUND, AROUND]
 
 
 def test_what_stands_off_the_cloth_by_more_than_a_pocket_is_refused(tmp_path: Path) -> None:
     rows, columns, sewn = PARTS["flap"]
-    load(tmp_path / "near.obj", *layered(rows, columns, 0.03, sewn))
+    written_garment(tmp_path / "near.obj", *layered(rows, columns, 0.03, sewn))
     with pytest.raises(InputError, match="has 3 faces"):
-        load(tmp_path / "far.obj", *layered(rows, columns, 0.1, sewn))
+        written_garment(tmp_path / "far.obj", *layered(rows, columns, 0.1, sewn))
 
 
 def test_a_sheet_that_is_pinched_at_one_edge_is_read(tmp_path: Path) -> None:
@@ -73,4 +66,4 @@ def test_a_sheet_that_is_pinched_at_one_edge_is_read(tmp_path: Path) -> None:
     points, faces = layered(range(0, ROWS), range(0, AROUND), 0.004, ("last",))
     number = np.arange(len(points))
     number[len(SKIRT.points) + AROUND * 4 + np.arange(2)] = AROUND * 4 + np.arange(2)
-    assert load(tmp_path / "pinched.obj", points, number[faces]).triangle_count == len(faces)
+    assert written_garment(tmp_path / "pinched.obj", points, number[faces]).triangle_count == len(faces)

@@ -32,7 +32,7 @@ from warp_cloth.material.fabric import Fabric
 from warp_cloth.material.laboratory import GRAVITY
 from warp_cloth.material.strain import face_strains, vertex_areas, vertex_means
 from warp_cloth.model.result import WornGarment
-from warp_cloth.shapes import MannequinMeasures, mannequin, sphere, tshirt
+from warp_cloth.shapes import MannequinMeasures, sphere, tshirt
 from warp_cloth.solver.certificate.certifier import Certifier
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import StepOptions
@@ -181,11 +181,6 @@ def test_means_at_vertices_keep_a_constant() -> None:
     mesh = grid(4, 1.0)
     areas = np.full(mesh.triangle_count, 2.0)
     assert np.allclose(vertex_means(np.full(mesh.triangle_count, 3.0), areas, mesh.triangles, 16), 3.0)
-
-
-@pytest.fixture(scope="module")
-def body() -> Mesh:
-    return mannequin()
 
 
 def test_levels_of_the_mannequin_are_its_measures(body: Mesh) -> None:

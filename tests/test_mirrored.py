@@ -8,20 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 from cloths import tube
-from meshfiles import obj_text
+from meshfiles import written_garment
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
-from warp_cloth.loading import load_mesh
 from warp_cloth.loading.placement import Placement
 
 AROUND = 24
 SKIRT = tube(0.15, 0.4, 0.8, AROUND)
-
-
-def load(path: Path, points: np.ndarray, faces: np.ndarray, **options: Any) -> Mesh:
-    path.write_text(obj_text(points, faces))
-    return load_mesh(path, role="garment", key="garment", **{"units": "m", **options})
 
 
 def half(mesh: Mesh, side: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
@@ -38,8 +32,8 @@ def is_completed(mesh: Mesh) -> bool:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("options", [{}, {"placement": Placement(rotate=(0.0, 60.0, 0.0), scale=2.0)}])
 def test_half_a_skirt_becomes_the_whole_one(tmp_path: Path, side: float, options: dict[str, Any]) -> None:
-    whole = load(tmp_path / "whole.obj", SKIRT.points, SKIRT.triangles, **options)
-    mesh = load(tmp_path / "half.obj", *half(SKIRT, side), **options)
+    whole = written_garment(tmp_path / "whole.obj", SKIRT.points, SKIRT.triangles, **options)
+    mesh = written_garment(tmp_path / "half.obj", *half(SKIRT, side), **options)
     assert is_completed(mesh)
     assert not is_completed(whole)
     assert mesh.triangle_count == whole.triangle_count
@@ -50,7 +44,7 @@ def test_half_a_skirt_becomes_the_whole_one(tmp_path: Path, side: float, options
 
 def test_vertices_and_faces_of_the_file_are_found_in_the_whole_garment(tmp_path: Path) -> None:
     points, faces = half(SKIRT)
-    mesh = load(tmp_path / "half.obj", points, faces)
+    mesh = written_garment(tmp_path / "half.obj", points, faces)
     assert mesh.vertex_map is not None
     assert mesh.triangle_source is not None
     np.testing.assert_array_equal(mesh.points[mesh.vertex_map], points)
@@ -59,7 +53,7 @@ def test_vertices_and_faces_of_the_file_are_found_in_the_whole_garment(tmp_path:
 
 def test_a_glove_that_ends_at_the_plane_is_whole(tmp_path: Path) -> None:
     sleeve = SKIRT.points[:, [1, 0, 2]] - [0.4, 0.0, 0.0]
-    assert not is_completed(load(tmp_path / "sleeve.obj", sleeve, SKIRT.triangles))
+    assert not is_completed(written_garment(tmp_path / "sleeve.obj", sleeve, SKIRT.triangles))
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.01])
@@ -68,14 +62,14 @@ def test_a_scarf_on_one_side_is_whole(tmp_path: Path, bend: float) -> None:
     points = np.stack([x, y, bend * np.sin(20.0 * x)], axis=2).reshape(-1, 3)
     a = (np.arange(18)[:, None] * 7 + np.arange(6)).ravel()
     faces = np.concatenate([np.stack([a, a + 1, a + 8], 1), np.stack([a, a + 8, a + 7], 1)])
-    assert not is_completed(load(tmp_path / "scarf.obj", points, faces))
+    assert not is_completed(written_garment(tmp_path / "scarf.obj", points, faces))
 
 
 def test_a_button_of_half_a_garment_is_mirrored_and_counted(tmp_path: Path) -> None:
     points, faces = half(SKIRT)
     button = np.array([[0.10, 0.6, 0.115], [0.11, 0.6, 0.115], [0.10, 0.61, 0.115]])
     both = np.concatenate([points, button]), np.concatenate([faces, [len(points) + np.arange(3)]])
-    mesh = load(tmp_path / "half.obj", *both)
+    mesh = written_garment(tmp_path / "half.obj", *both)
     assert mesh.trim_points is not None
     assert len(mesh.trim_points) == 6
     assert mesh.arrays()["trim_count"] == 6

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 from bodies import sure_skeleton
 from meshfiles import write_obj
 
@@ -13,7 +12,6 @@ from warp_cloth.anatomy.skeleton import Skeleton
 from warp_cloth.anatomy.standing import moved_from_standing
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.loading import load_mesh
-from warp_cloth.shapes import SIZE_BODIES, mannequin
 
 
 def bent(points: Points, height: float, degrees: float, *, above: bool) -> Points:
@@ -34,11 +32,6 @@ def on_floor(points: Points) -> Points:
 def skeleton(folder: Path, body: Mesh, points: Points) -> Skeleton:
     write_obj(folder / "body.obj", points, body.triangles)
     return sure_skeleton(load_mesh(folder / "body.obj", role="avatar", key="avatar"))
-
-
-@pytest.fixture
-def body() -> Mesh:
-    return mannequin(SIZE_BODIES["M"])
 
 
 def test_cloth_stays_where_the_body_stands(tmp_path: Path, body: Mesh) -> None:

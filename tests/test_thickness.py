@@ -9,21 +9,15 @@ import numpy as np
 import pytest
 import trimesh
 from cloths import tube
-from meshfiles import obj_text
+from meshfiles import written_garment
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
-from warp_cloth.loading import load_mesh
 from warp_cloth.shapes import SIZE_BODIES
 from warp_cloth.shapes.mannequin import mannequin
 
 AROUND, ROWS = 48, 12
 INNER = tube(0.15, 0.4, 0.8, AROUND, ROWS)
-
-
-def load(path: Path, points: np.ndarray, faces: np.ndarray) -> Mesh:
-    path.write_text(obj_text(points, faces))
-    return load_mesh(path, role="garment", key="garment", units="m")
 
 
 def solidified(sheet: Mesh, thickness: float, steps: int = 1) -> tuple[np.ndarray, np.ndarray]:
@@ -49,7 +43,7 @@ def solidified(sheet: Mesh, thickness: float, steps: int = 1) -> tuple[np.ndarra
 @pytest.mark.parametrize("thickness", [0.001, 0.01])
 def test_the_inner_side_of_thick_cloth_is_the_cloth(tmp_path: Path, thickness: float, steps: int) -> None:
     points, faces = solidified(INNER, thickness, steps)
-    mesh = load(tmp_path / "skirt.obj", points, faces)
+    mesh = written_garment(tmp_path / "skirt.obj", points, faces)
     is_side = np.isin(mesh.points, INNER.points).all(axis=1)
     assert is_side.sum() == len(INNER.points)
     np.testing.assert_allclose(np.hypot(*mesh.points[:, ::2].T), 0.15, atol=0.5 * thickness)
@@ -62,7 +56,7 @@ def test_the_inner_side_of_thick_cloth_is_the_cloth(tmp_path: Path, thickness: f
 
 def test_every_vertex_of_thick_cloth_is_cloth_or_carried(tmp_path: Path) -> None:
     points, faces = solidified(INNER, 0.002)
-    mesh = load(tmp_path / "skirt.obj", points, faces)
+    mesh = written_garment(tmp_path / "skirt.obj", points, faces)
     assert mesh.vertex_map is not None
     assert mesh.trim_map is not None
     assert ((mesh.vertex_map >= 0) | (mesh.trim_map >= 0)).all()
@@ -72,7 +66,7 @@ def test_each_part_of_thick_cloth_is_told_by_itself(tmp_path: Path) -> None:
     """A pair of socks in one file, one of them a sheet."""
     thick, faces = solidified(INNER, 0.002)
     points = np.concatenate([thick, INNER.points + 0.5])
-    mesh = load(tmp_path / "socks.obj", points, np.concatenate([faces, INNER.triangles + len(thick)]))
+    mesh = written_garment(tmp_path / "socks.obj", points, np.concatenate([faces, INNER.triangles + len(thick)]))
     assert mesh.triangle_count == 2 * len(INNER.triangles)
 
 
@@ -89,6 +83,6 @@ def test_what_is_no_thick_cloth_stays(tmp_path: Path, kind: str) -> None:
     else:  # a shirt and its lining
         points = np.concatenate([INNER.points, INNER.points * [1.02, 1.0, 1.02]])
         faces = np.concatenate([INNER.triangles, INNER.triangles + len(INNER.points)])
-    mesh = load(tmp_path / "other.obj", points, faces)
+    mesh = written_garment(tmp_path / "other.obj", points, faces)
     assert mesh.triangle_count == len(faces)
     assert mesh.trim_triangles is None

@@ -13,16 +13,10 @@ from warp_cloth.anatomy.person import understand
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.loading import load_mesh
-from warp_cloth.shapes import mannequin
 
 GIRTH = 0.02  # [m]; the girth grows by 6 mm over each centimetre there
 
 Heights = NDArray[np.float64]
-
-
-@pytest.fixture(scope="module")
-def body() -> Mesh:
-    return mannequin()
 
 
 def girths(body: Mesh) -> dict[str, float | None]:

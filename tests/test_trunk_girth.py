@@ -21,15 +21,9 @@ from warp_cloth.model.first_attempt import first_attempt
 from warp_cloth.model.next_attempt import next_attempt
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
-from warp_cloth.shapes import SIZE_BODIES, mannequin
 
 OFF = 0.01  # [m], of the shirt from the skin
 RING = 0.02  # a ring of cloth is longer than the tape, which spans hollows, by its distance from the skin, and by that
-
-
-@pytest.fixture(scope="module")
-def body() -> Mesh:
-    return mannequin(SIZE_BODIES["M"])
 
 
 @pytest.fixture(scope="module")

@@ -21,16 +21,10 @@ from warp_cloth.model.attempt import Ended
 from warp_cloth.model.first_attempt import first_attempt
 from warp_cloth.model.next_attempt import next_attempt
 from warp_cloth.model.result import Status
-from warp_cloth.shapes import SIZE_BODIES, mannequin
 
 OFF = 0.01  # [m], of the suit from the skin
 # A line along edges is longer than the shortest one, by a few per cent; a tape spans hollows, which shortens it.
 LINES = 0.08
-
-
-@pytest.fixture(scope="module")
-def body() -> Mesh:
-    return mannequin(SIZE_BODIES["M"])
 
 
 @pytest.fixture(scope="module")

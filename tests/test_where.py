@@ -8,12 +8,6 @@ from bodies import sure_skeleton
 
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.report.where import part_under
-from warp_cloth.shapes import SIZE_BODIES, mannequin
-
-
-@pytest.fixture(scope="module")
-def body() -> Mesh:
-    return mannequin(SIZE_BODIES["M"])
 
 
 def skin(body: Mesh, part: str) -> Points:

@@ -12,13 +12,12 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.fitting.problem import Problem, collider_updates
-from warp_cloth.solver.loop import BURST, BURSTS_PER_CHECK, bursts
+from warp_cloth.solver.loop import bursts
 from warp_cloth.study.launches import Launch, launches_of
 
 # Iterations recorded launch by launch: an even number, as two iterations swap arrays where forces are gathered.
 # Where cloth meets cloth enough of them to include searches for near pairs, which few iterations run.
 RECORDED, RECORDED_TOUCHING = 20, 100
-TIMED = BURST * BURSTS_PER_CHECK  # iterations between two checks of a fit
 WARM_UP_TOUCHING = 12  # rounds of warm-up where cloth meets cloth: contact begins when the seams have closed
 SHORTEST_RUN = 0.5  # [s] of timing
 FEWEST_ROUNDS = 5
