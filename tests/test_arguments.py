@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from refusals import refusal
 
 import warp_cloth
 from warp_cloth.base import arguments
@@ -44,10 +45,7 @@ from warp_cloth.view.live import LiveFit
     ],
 )
 def test_wrong_types_are_refused_in_one_line(call: Callable[[], Any], told: str) -> None:
-    with pytest.raises(InputError) as refused:
-        call()
-    assert told in str(refused.value)
-    assert "\n" not in str(refused.value)
+    assert told in str(refusal(call))
 
 
 def test_what_changes_a_scene_comes_before_it_is_loaded() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from refusals import refusal, write
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.material.fabric import fabric_named, generic_fabric
@@ -21,18 +22,8 @@ MINIMAL = '[garment]\nmesh = "shirt.obj"\n'
 BODY = '[avatar]\nmesh = "body.obj"\n'
 
 
-def write(folder: Path, text: str | bytes, name: str = "scene.toml") -> Path:
-    path = folder / name
-    path.write_bytes(text.encode() if isinstance(text, str) else text)
-    return path
-
-
 def refused(source: Any, *overrides: str) -> str:
-    with pytest.raises(InputError) as error:
-        load_scene(source, overrides)
-    line = str(error.value)
-    assert "\n" not in line
-    return line
+    return str(refusal(load_scene, source, overrides))
 
 
 # What a scene says

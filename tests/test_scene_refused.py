@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from refusals import refusal, write
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.scene import load_scene
@@ -13,18 +14,8 @@ from warp_cloth.scene import load_scene
 MINIMAL = 'garment.mesh = "shirt.obj"\n'
 
 
-def write(folder: Path, text: str | bytes) -> Path:
-    path = folder / "scene.toml"
-    path.write_bytes(text.encode() if isinstance(text, str) else text)
-    return path
-
-
-def refused(source: Any) -> str:
-    with pytest.raises(InputError) as error:
-        load_scene(source)
-    line = str(error.value)
-    assert "\n" not in line
-    return line
+def refused(source: Any, *overrides: str) -> str:
+    return str(refusal(load_scene, source, overrides))
 
 
 @pytest.mark.parametrize(
