@@ -56,12 +56,12 @@ def misplaced_openings(
     """The openings of a garment at ``points`` [m], shape [V, 3], that not all and only their limbs pass through."""
     found = []
     for opening, limbs in zip(openings, wanted, strict=True):
-        if not limbs:
+        if not set(limbs) - set(skeleton.lacks):
             continue
         through: Limbs = ()
         for ring in opening.rings_inwards(points, triangles):
             through = limbs_through(*ring, skeleton.curves)
-            if _fits(limbs, through):
+            if _fits(limbs, through, skeleton.lacks):
                 break
         else:
             found.append(Misplaced(opening, limbs, through))
@@ -74,7 +74,8 @@ def covered_limbs(
     """The ends of sleeves and legs that their limb does not come out of, but ends in the tube, COVERED behind them."""
     found = []
     for opening, limbs in zip(openings, wanted, strict=True):
-        ring = opening.ring_behind(points, triangles, COVERED) if len(limbs) == 1 and limbs != (HEAD,) else None
+        is_tube = len(limbs) == 1 and limbs[0] not in (HEAD, *skeleton.lacks)
+        ring = opening.ring_behind(points, triangles, COVERED) if is_tube else None
         if ring is None or _fits(limbs, limbs_through(*ring.ring(0), skeleton.curves)):
             continue
         rings = opening.rings(points, triangles)
@@ -83,10 +84,11 @@ def covered_limbs(
     return found
 
 
-def _fits(wanted: Limbs, found: Limbs) -> bool:
-    """Whether these limbs pass, or all others. A face may stay within its hood."""
+def _fits(wanted: Limbs, found: Limbs, lacks: Limbs = ()) -> bool:
+    """Whether these limbs pass, or all others; those that a body lacks may. A face may stay within its hood."""
+    own = set(range(len(LIMBS))) - set(lacks)
     accepted: list[Limbs] = [wanted, ()] if wanted == (HEAD,) else [wanted]
-    return any(found in (limbs, tuple(n for n in range(len(LIMBS)) if n not in limbs)) for limbs in accepted)
+    return any(own & set(found) in (own & set(limbs), own - set(limbs)) for limbs in accepted)
 
 
 def limbs_through(start: Points, end: Points, curves: Sequence[Points]) -> Limbs:
@@ -406,7 +408,8 @@ class Wearing:
 
     def pierced(self, points: Points) -> Limbs:
         """The limbs that the cloth at ``points`` [m] runs through the middle of, not only through their tips."""
-        return tuple(np.flatnonzero(surface_crossings(points, self.triangles, self._curves_within)).tolist())
+        through = np.flatnonzero(surface_crossings(points, self.triangles, self._curves_within)).tolist()
+        return tuple(limb for limb in through if limb not in self.skeleton.lacks)
 
     @cached_property
     def _curves_within(self) -> list[Points]:

@@ -17,7 +17,7 @@ from warp_cloth.anatomy.levels import Heights, Level, trunk_level, trunk_levels,
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, STEP, TRUNK, Skeleton, without_loose_parts
 from warp_cloth.anatomy.stance import ASTRIDE, STATURE, UPRIGHT, Bones, Stance, stance_of
 from warp_cloth.anatomy.tape import Plane, Tape, longest, part_of, shortest, tape_round
-from warp_cloth.anatomy.trunk_ends import trunk_ends
+from warp_cloth.anatomy.trunk_ends import lacks_head, trunk_ends
 from warp_cloth.base.curves import arc_lengths, curve_point
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.section import convex_hull, first_crossing
@@ -98,14 +98,30 @@ class Figure:
             "stature": self._stature(),
             "neck": _taped("neck", self.neck, "the neck cannot be told from the head"),
             **self._trunk(),
-            **self._leg(self.stance.legs[0]),
-            **self._arm(self.stance.arms[0]),
+            **self._leg(self._measured(self.stance.legs)),
+            **self._arm(self._measured(self.stance.arms)),
             "shoulder_width": self._shoulder_width(),
             "arm_length": self._arm_length(),
             "back_length": self._back_length(),
             "inside_leg_length": self._inside_leg(),
         }
         return tuple(found[name] for name in DEFINITIONS)
+
+    def _measured(self, pair: tuple[Bones, Bones]) -> Bones:
+        """The right limb, or the left one where only that is whole."""
+        right, left = pair
+        return left if right.number in self.skeleton.lacks and left.number not in self.skeleton.lacks else right
+
+    @property
+    def _lacks_feet(self) -> bool:
+        return {leg.number for leg in self.stance.legs} <= set(self.skeleton.lacks)
+
+    @property
+    def _lacks_head(self) -> bool:
+        level, tape = self.neck_level, self.neck
+        if level is None or tape is None or HEAD in self.skeleton.lacks:
+            return HEAD in self.skeleton.lacks
+        return lacks_head(self._without_arms, level.height, self.crown, self.stature, tape.length)
 
     # The frame: x to the left, y along the trunk, z forward.
 
@@ -141,6 +157,8 @@ class Figure:
     @cached_property
     def stature(self) -> float:
         """Stature [m]: of a body that does not stand, from its legs, trunk and head."""
+        if self.stance.stands and self._lacks_feet:
+            return self.crown - min(float(leg.curve[0] @ self.frame[1]) for leg in self.stance.legs)
         if self.stance.stands:
             return self.crown - float(self.upright[:, 1].min())
         legs = np.mean([len(leg.curve) for leg in self.stance.legs]) * STEP * self.skeleton.span
@@ -150,6 +168,8 @@ class Figure:
     @cached_property
     def crown(self) -> float:
         """Height of the top of the head, in the frame [m]; hands may be higher."""
+        if HEAD in self.skeleton.lacks:
+            return float(self.skeleton.curves[HEAD][-1] @ self.frame[1])
         arm = np.isin(self.skeleton.limb, (RIGHT_ARM, LEFT_ARM))
         return float(self.upright[~arm, 1].max())
 
@@ -198,13 +218,14 @@ class Figure:
                 found["under_bust"] = below
         return found
 
+    def _without_arms(self, height: float) -> Level | None:
+        """The level of the trunk, or of the head, at a height in the frame, without arms."""
+        return trunk_level(self.trunk, height, self.middle)
+
     @cached_property
     def trunk_ends(self) -> tuple[float, float]:
         """Heights of the crotch and of the roots of the arms, if they hung, in the frame [m]."""
-
-        def at(height: float) -> Level | None:
-            return trunk_level(self.trunk, height, self.middle)
-
+        at = self._without_arms
         return trunk_ends(self.skeleton, self.stance, at, self.frame[1], self.floor, self.stature, self.crotch)
 
     @cached_property
@@ -313,6 +334,8 @@ class Figure:
 
     def _inside_leg(self) -> Measure:
         name = "inside_leg_length"
+        if self._lacks_feet:
+            return _missing(name, "no leg is whole")
         if not self.stance.stands or not self.legs_along(ASTRIDE):
             return _missing(name, "the legs are not straight and upright")
         if self.crotch is None:
@@ -374,8 +397,10 @@ class Figure:
         return Measure("shoulder_width", float(np.linalg.norm(ends[1] - ends[0])), np.stack(ends))
 
     def _arm_length(self) -> Measure:
-        arm = self.stance.arms[0]
+        arm = self._measured(self.stance.arms)
         shoulder = self._shoulder_point(arm)
+        if arm.number in self.skeleton.lacks:
+            return _missing("arm_length", "no arm is whole")
         if shoulder is None:
             return _missing("arm_length", "the arm is raised, or forward")
         inside = shoulder - self.frame[1] * SHOULDER_DEPTH * self.stature  # about which the arm turns
@@ -404,6 +429,8 @@ class Figure:
         return Measure(name, float(arc_lengths(back)[-1]), plane.in_space(back))
 
     def _stature(self) -> Measure:
+        if self._lacks_head or self._lacks_feet:
+            return _missing("stature", "the head or both feet are missing")
         if not self.stance.stands:
             return _missing("stature", "the body does not stand upright")
         ends = np.array([[self.middle, height, self._depth] for height in (self.crown, self.floor)])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_cloth.anatomy.measures import Measure, measures_of
-from warp_cloth.anatomy.skeleton import Skeleton, skeleton_or_reason
+from warp_cloth.anatomy.skeleton import LIMBS, Skeleton, skeleton_or_reason
 from warp_cloth.anatomy.stance import Stance, stance_of
 from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.mesh import Mesh
@@ -40,7 +40,12 @@ def understand(body: Mesh) -> Person:
 def _wrapped(skeleton: Skeleton) -> tuple[str, ...]:
     """Notes where the limbs were not found on the body's own surface, or on part of it."""
     notes = []
-    if skeleton.is_of_wrap:
+    if skeleton.lacks:
+        notes.append(
+            f"{', '.join(LIMBS[limb] for limb in skeleton.lacks)}: not there, or cut short. Where the others' measures "
+            "are taken was found with plain limbs in their place: they may be off by some centimetres"
+        )
+    elif skeleton.is_of_wrap:
         notes.append(
             "its own surface does not show its limbs (rough, torn, in pieces, or folded): they were found on one "
             "wrapped round it, and measures may be off by some centimetres"

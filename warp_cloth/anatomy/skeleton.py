@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.anatomy.completing import completed
 from warp_cloth.anatomy.finer import divided
 from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines, nearest_points, row_lengths
 from warp_cloth.anatomy.ground import above_ground
@@ -49,6 +50,7 @@ FLAT = 0.01  # of the span, the least spread of a trunk's vertices in any direct
 # floor have 0.085 at most, two of three of them backward, and do not tell forward.
 FLAT_FEET = 0.1
 SIDEWAYS = 0.5  # sine of the angle from the x axis, beyond which what is square to such legs is forward where it is +z
+LACKING = 0.06  # of the span, from the tip of a completed limb to the body, at least, where it lacks that limb's end
 # A person's limbs, along their curves from the middle of the trunk: right as long as left, arms as long as legs (0.89
 # to 1.15 in people, mannequins and halves of scans), the trunk 0.2 to 0.42 of the span, hips and shoulders wide apart.
 ALIKE, ARMS_TO_LEGS, TRUNK_LENGTH, NARROW = 0.75, (0.65, 1.45), (0.15, 0.55), 0.02
@@ -71,6 +73,7 @@ class Skeleton:
     own: NDArray[np.bool_]  # the vertices of the connected part that has the limbs, shape [V]
     is_of_wrap: bool = False  # found on a surface wrapped round the body, as its own does not show the limbs
     is_on_ground: bool = False  # the body is grown together with a floor or a plinth, which is not its own
+    lacks: tuple[int, ...] = ()  # limbs that are not there, or end early; their curves are as a whole body's would be
 
     @property
     def middle(self) -> Points:
@@ -122,22 +125,23 @@ class _Limb:
         return root
 
 
-def skeleton_of(body: Mesh) -> Skeleton | None:
-    """The skeleton of a person's body; None where the mesh has not a head, two arms and two legs.
+def skeleton_of(body: Mesh, *, is_whole: bool = False) -> Skeleton | None:
+    """The skeleton of a person's body; None where the mesh is none.
 
-    ``body`` may have further components, such as eyes; its holes are closed first.
+    ``body`` may have further components, such as eyes; its holes are closed first. ``is_whole``: only where it has a
+    head, two arms and two legs; else limbs may be missing, as those of an amputee or a dress form.
     """
-    found = skeleton_or_reason(body)
+    found = _found_in(body, may_stand=True, may_lack=not is_whole)
     return found if isinstance(found, Skeleton) else None
 
 
 def skeleton_or_reason(body: Mesh) -> Skeleton | str:
     """The skeleton of a person's body, or why there is none: a clause about the body."""
-    return _found_in(body, may_stand=True)
+    return _found_in(body, may_stand=True, may_lack=True)
 
 
-def _found_in(body: Mesh, *, may_stand: bool) -> Skeleton | str:
-    """The same; ``may_stand``: whether it may be grown together with a floor."""
+def _found_in(body: Mesh, *, may_stand: bool, may_lack: bool) -> Skeleton | str:
+    """The same; whether it may be grown together with a floor, and whether it may lack limbs."""
     edges = mesh_edges(body.triangles, body.vertex_count)
     points, triangles = body.points, body.triangles
     if 2 * len(edges) != 3 * body.triangle_count:
@@ -157,13 +161,30 @@ def _found_in(body: Mesh, *, may_stand: bool) -> Skeleton | str:
     standing = _on_ground(body, points, triangles) if may_stand else None
     if standing is not None:
         return standing
+    around = _on_wrap(body, points, triangles)
+    if around is None and may_lack:
+        tried = (_on_wrap(body, *surface) for surface in completed(points, triangles))
+        around = next((_with_lacks(each, body) for each in tried if each is not None), None)
+    return found if around is None else around  # the reason is that of its own surface
+
+
+def _on_wrap(body: Mesh, points: Points, triangles: Indices) -> Skeleton | None:
+    """The skeleton of a body on a surface wrapped round this one; None: it has none."""
     wrap, faces = wrapped(points, triangles)
-    retried = _skeleton_of(wrap, faces, mesh_edges(faces, len(wrap))) if len(faces) else found
-    if isinstance(retried, str):
-        return found  # of its own surface
+    found = _skeleton_of(wrap, faces, mesh_edges(faces, len(wrap))) if len(faces) else ""
+    if isinstance(found, str):
+        return None
     number = nearest_points(wrap, body.points)
-    found = _of_vertices(retried, body.points, number, _mostly(retried.own[number], body))
-    return replace(found, is_of_wrap=True)
+    limbs = _of_vertices(found, body.points, number, _mostly(found.own[number], body))
+    return replace(limbs, is_of_wrap=True)
+
+
+def _with_lacks(found: Skeleton, body: Mesh) -> Skeleton:
+    """The skeleton of a body that was completed, with the limbs whose tips it lacks."""
+    tips = np.stack([curve[-1] for curve in found.curves])
+    skin = body.points[np.unique(body.triangles)]
+    off = row_lengths(skin[nearest_points(skin, tips)] - tips)
+    return replace(found, lacks=tuple(np.flatnonzero(off > LACKING * found.span).tolist()))
 
 
 def _on_ground(body: Mesh, points: Points, triangles: Indices) -> Skeleton | None:
@@ -173,7 +194,7 @@ def _on_ground(body: Mesh, points: Points, triangles: Indices) -> Skeleton | Non
         return None
     used, corners = np.unique(above, return_inverse=True)
     upper = Mesh(body.name, points[used], corners.reshape(-1, 3).astype(np.int32))
-    found = _found_in(upper, may_stand=False)
+    found = _found_in(upper, may_stand=False, may_lack=False)
     if isinstance(found, str):
         return None
     tips = np.array([curve[-1] for curve in found.curves])

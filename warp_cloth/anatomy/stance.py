@@ -67,6 +67,7 @@ class Stance:
     arms: tuple[Bones, Bones]  # right, left
     legs: tuple[Bones, Bones]
     trunk_lean: float  # between trunk and vertical [degrees]
+    lacks: tuple[int, ...] = ()  # limbs that are not there, or end early
 
     @property
     def stands(self) -> bool:
@@ -83,7 +84,12 @@ class Stance:
 
     def in_words(self) -> str:
         """The pose: "stands; arms 45 degrees below the horizontal"."""
-        return "; ".join([self._trunk_in_words(), *self._arms_in_words(), *self._legs_in_words()])
+        return "; ".join(
+            [self._trunk_in_words(), *self._arms_in_words(), *self._legs_in_words(), *self._lacks_in_words()]
+        )
+
+    def _lacks_in_words(self) -> list[str]:
+        return [f"{', '.join(LIMBS[limb] for limb in self.lacks)} missing or cut short"] if self.lacks else []
 
     def _trunk_in_words(self) -> str:
         if all(self._raised()) and self.trunk_lean <= 45.0:
@@ -93,13 +99,19 @@ class Stance:
         return "stands"
 
     def _arms_in_words(self) -> list[str]:
-        angles = [self.below_horizontal(arm.upper) for arm in self.arms]
-        ahead = [self._ahead(arm.upper) for arm in self.arms]
-        bends = [arm.bend for arm in self.arms]
+        arms = [arm for arm in self.arms if arm.number not in self.lacks]
+        angles = [self.below_horizontal(arm.upper) for arm in arms]
+        ahead = [self._ahead(arm.upper) for arm in arms]
+        bends = [arm.bend for arm in arms]
         phrases = [_arm_phrase(angle, forward, bend) for angle, forward, bend in zip(angles, ahead, bends, strict=True)]
-        if abs(angles[0] - angles[1]) <= ALIKE and ahead[0] == ahead[1] and abs(bends[0] - bends[1]) <= 2 * ALIKE:
+        if (
+            len(arms) == 2
+            and abs(angles[0] - angles[1]) <= ALIKE
+            and ahead[0] == ahead[1]
+            and abs(bends[0] - bends[1]) <= 2 * ALIKE
+        ):
             return [f"arms {_arm_phrase(*np.mean([angles, ahead, bends], axis=1).tolist())}"]
-        return [f"{LIMBS[arm.number]} {phrase}" for arm, phrase in zip(self.arms, phrases, strict=True)]
+        return [f"{LIMBS[arm.number]} {phrase}" for arm, phrase in zip(arms, phrases, strict=True)]
 
     def _ahead(self, direction: Points) -> float:
         """1: an arm points forward, -1: back, 0: to the side or down."""
@@ -116,13 +128,15 @@ class Stance:
         said = []
         raised = self._raised()
         for leg, up in zip(self.legs, raised, strict=True):
+            if leg.number in self.lacks:
+                continue
             side = "right" if leg.number == RIGHT_LEG else "left"
             if up and not all(raised):
                 said.append(f"{side} knee up")
             elif leg.bend > 30.0 and not all(raised):
                 said.append(f"{side} knee bent by {leg.bend:.0f} degrees")
         apart = _between(self.legs[0].upper, self.legs[1].upper)
-        if not any(raised) and apart > 25.0:
+        if not any(raised) and apart > 25.0 and not {RIGHT_LEG, LEFT_LEG} & set(self.lacks):
             said.append(f"legs {apart:.0f} degrees apart")
         return said
 
@@ -150,7 +164,7 @@ def stance_of(skeleton: Skeleton) -> Stance:
         forward = np.cross(skeleton.left, vertical)
     forward /= np.linalg.norm(forward)
     left = np.cross(vertical, forward)
-    return Stance(vertical, forward, left, arms, both_legs, _between(skeleton.up, vertical))
+    return Stance(vertical, forward, left, arms, both_legs, _between(skeleton.up, vertical), skeleton.lacks)
 
 
 def _bones(skeleton: Skeleton, limb: int, end: float, middle: float) -> Bones:

@@ -21,6 +21,10 @@ OF_NECK = 0.745  # the same above the crotch, of the height of the neck's narrow
 # Of the way from the crotch to the head's root: where the neck is looked for, and at how many levels.
 NECK, NECK_LEVELS = (0.82, 1.1), 15
 
+HEAD_HIGH = 0.13  # of the stature, from the neck's narrowest section to the crown: more in most people
+HEAD_LEVELS = 12  # between these
+HEAD_WIDER = 1.2  # level girth of a head over the tape round its neck, at least: 1.29 in the heaviest
+
 
 def trunk_ends(
     skeleton: Skeleton, stance: Stance, at: LevelAt, up: Points, floor: float, stature: float, crotch: float | None
@@ -58,3 +62,19 @@ def _neck(at: LevelAt, crotch: float, head: float) -> float | None:
     girths = [np.inf if level is None else level.girth for level in levels]
     narrowest = int(np.argmin(girths))
     return float(heights[narrowest]) if 0 < narrowest < len(heights) - 1 else None
+
+
+def lacks_head(at: LevelAt, neck: float, crown: float, stature: float, tape: float) -> bool:
+    """Whether little is above a neck, and nowhere much wider than it, as on a dress form.
+
+    Args:
+        at: the section of trunk or head at a height.
+        neck: height of the neck's narrowest section [m].
+        crown: height of the top [m].
+        stature: of the body [m].
+        tape: round the neck [m].
+    """
+    if crown - neck > HEAD_HIGH * stature:
+        return False
+    sections = [at(float(height)) for height in np.linspace(neck, crown, HEAD_LEVELS, endpoint=False)[1:]]
+    return max((each.girth for each in sections if each is not None), default=0.0) < HEAD_WIDER * tape

@@ -53,8 +53,9 @@ def write_body_picture(path: Path, person: Person, *, title: str, sentence: str,
     layout = arrange_windows(subject.extent, SIZE, True, SIDES)
     image = compose_picture(subject, layout, render_views(subject, layout), SIZE, title, sentence)
     drawing = _Drawing(image, layout, subject.centre)
+    bones = [] if skeleton is None else [c for n, c in enumerate(skeleton.curves) if n not in skeleton.lacks]
     for window in layout.windows:
-        for curve in skeleton.curves if skeleton is not None else ():
+        for curve in bones:
             drawing.line(window, curve @ frame.T, BONE)
         for measure in measures:
             if len(measure.line):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from warp_cloth.anatomy.measures import DEFINITIONS
 from warp_cloth.anatomy.person import Person
-from warp_cloth.anatomy.skeleton import LIMBS
+from warp_cloth.anatomy.skeleton import LIMBS, Skeleton
 from warp_cloth.export.body_picture import write_body_picture
 from warp_cloth.export.report import write_report
 from warp_cloth.report.rows import note_rows, row
@@ -18,7 +18,7 @@ def body_lines(person: Person, with_measures: bool) -> list[str]:
     """What is printed: pose and limbs, or why there are none; and the measures in centimetres and inches."""
     lines = [f"{person.body.name}: {body_sentence(person)}", *note_rows([*person.body.notes, *person.notes])]
     if person.skeleton is not None:
-        lines.append(row("found", ", ".join(LIMBS)))
+        lines.append(row("found", ", ".join(_limbs(person.skeleton)) or "the trunk"))
     if with_measures and person.measures:
         lines.append(f"  {'measure':<18} {'cm':>6} {'in':>6}")
         for each in person.measures:
@@ -26,6 +26,10 @@ def body_lines(person: Person, with_measures: bool) -> list[str]:
             figures = "     -      -" if each.value is None else f"{100 * each.value:6.1f} {each.value / INCH:6.1f}"
             lines.append(f"  {name:<18} {figures}  {each.reason or DEFINITIONS[each.name]}")
     return lines
+
+
+def _limbs(skeleton: Skeleton) -> list[str]:
+    return [name for limb, name in enumerate(LIMBS) if limb not in skeleton.lacks]
 
 
 def body_sentence(person: Person) -> str:
@@ -50,7 +54,7 @@ def save_body(person: Person, folder: Path, *, device: str = "cpu") -> list[Path
     report = {
         "body": name,
         "pose": None if person.stance is None else person.stance.in_words(),
-        "limbs": [] if person.skeleton is None else list(LIMBS),
+        "limbs": [] if person.skeleton is None else _limbs(person.skeleton),
         "reason": person.reason or None,
         "measures_m": {each.name: each.value for each in person.measures},
         "not_measured": {each.name: each.reason for each in person.measures if each.value is None},

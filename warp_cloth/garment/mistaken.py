@@ -40,7 +40,7 @@ def refuse_bodies(
         is_closed = CLOSED in garment.notes
         # a person may wear an overall with a hood, which has limbs, too
         may_be_body = is_closed or (avatar is not None and find_skeleton() is None and _rims(avatar) > OPEN)
-        if may_be_body and _is_solid(garment) and skeleton_of(garment) is not None:
+        if may_be_body and _is_solid(garment) and skeleton_of(garment, is_whole=True) is not None:
             problem = f"is a body: a {'closed ' if is_closed else ''}surface with a head, arms and legs"
             remedy = "give the mesh of the garment"
             if avatar is not None and _rims(avatar) > OPEN:
@@ -67,7 +67,7 @@ def _tall_parts(mesh: Mesh) -> Iterator[Mesh]:
 
 
 def _is_body(part: Mesh) -> bool:
-    return _is_solid(part) and _rims(part) < OPEN and skeleton_of(part) is not None
+    return _is_solid(part) and _rims(part) < OPEN and skeleton_of(part, is_whole=True) is not None
 
 
 def _is_solid(mesh: Mesh) -> bool:

@@ -19,13 +19,18 @@ WAISTED = 0.85
 
 
 def has_no_limb(judged: Judged, empty: Opening, own: Sequence[Opening]) -> bool:
-    """Whether a body whose limbs are not known has none for an opening of a garment: nothing is as far out.
+    """Whether a body has no limb for an opening of a garment; where its limbs are not known, nothing is as far out.
 
     A dress form has no head, and nothing on the opening's side at its height or above. A mannequin with a head has
     nothing that far out on any side, and its outline narrows below the shoulder, where an arm would hang.
     """
     body, filled = judged.of.body, [opening for opening in own if opening.filled]
-    if body is None or not filled or judged.of.outfit.wearing[judged.index] is not None:
+    wearing = judged.of.outfit.wearing[judged.index]
+    if wearing is not None:
+        pairs = zip(wearing.openings, wearing.limbs, strict=True)
+        limbs = {limb for opening, limbs in pairs if empty.vertices[0] in opening.loop for limb in limbs}
+        return bool(limbs) and limbs <= set(wearing.skeleton.lacks)
+    if body is None or not filled:
         return False
     centres = [judged.points[opening.vertices].mean(axis=0) for opening in filled]
     neck, neckline = max(zip(centres, filled, strict=True), key=lambda pair: float(pair[0][1]))
