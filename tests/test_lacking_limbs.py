@@ -3,18 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 from bodies import sure_skeleton
+from meshfiles import write_obj
 
 from warp_cloth.anatomy.person import understand
-from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, LEFT_LEG, LIMBS, RIGHT_ARM, RIGHT_LEG, Skeleton, skeleton_of
-from warp_cloth.base.mesh import Mesh
+from warp_cloth.anatomy.skeleton import (
+    HEAD,
+    LEFT_ARM,
+    LEFT_LEG,
+    LIMBS,
+    RIGHT_ARM,
+    RIGHT_LEG,
+    TRUNK,
+    Skeleton,
+    skeleton_of,
+)
+from warp_cloth.base.mesh import Mesh, vertex_normals
+from warp_cloth.fitting.judge import judged_shape
+from warp_cloth.garment.outfit import MeshCache, load_outfit
+from warp_cloth.scene import load_scene
 from warp_cloth.shapes import mannequin
 
 TRUNK_LEVELS = ("chest", "waist", "hip")
 NEAR = 0.015  # [m] by which a girth may differ: a body is cut open, and its lid is flat
+OFF, HIGH = 0.006, 0.3  # [m] of trousers from the skin, and above their place as they start
+WAIST, ANKLE = -0.03, 0.9  # [m] above the middle of the trunk; of a leg's curve
 LEGS, ARMS = [RIGHT_LEG, LEFT_LEG], [RIGHT_ARM, LEFT_ARM]
 
 
@@ -55,6 +72,24 @@ def test_lacking_limbs_are_told_and_the_trunk_is_measured(
         assert values[name] == pytest.approx(whole[name], abs=NEAR), name
     assert (values["stature"] is None) == (HEAD in limbs or set(LEGS) <= set(limbs))
     assert skeleton_of(form, is_whole=True) is None
+
+
+def test_trousers_that_reach_below_a_form_without_shanks_are_worn(
+    body: Mesh, skeleton: Skeleton, tmp_path: Path
+) -> None:
+    """They had slid down to its feet, it was said, since its height was taken for a whole body's."""
+    form = without(body, skeleton, LEGS, 0.55)
+    write_obj(tmp_path / "body.obj", form.points, form.triangles)
+    up = (body.points - skeleton.middle) @ skeleton.up
+    leg = np.isin(skeleton.limb, LEGS) & (skeleton.station < ANKLE)
+    mine = ((skeleton.limb == TRUNK) & (up < WAIST)) | leg
+    kept, corners = np.unique(body.triangles[mine[body.triangles].all(axis=1)], return_inverse=True)
+    points = body.points[kept] + OFF * vertex_normals(body.points, body.triangles)[kept]
+    write_obj(tmp_path / "trousers.obj", points + HIGH * skeleton.up, corners.reshape(-1, 3))
+    garment = {"mesh": str(tmp_path / "trousers.obj"), "units": "m", "rest": "mesh"}
+    scene = load_scene({"garment": garment, "avatar": {"mesh": str(tmp_path / "body.obj"), "units": "m"}})
+    found = judged_shape(scene, load_outfit(scene, MeshCache()), points, "cpu")
+    assert [problem.code.value for problem in found.problems] == []
 
 
 def test_vase_with_neck_is_no_torso() -> None:

@@ -11,6 +11,7 @@ from warp_cloth.anatomy.linking import COVERED, LOPSIDED
 from warp_cloth.anatomy.skeleton import HEAD, LIMBS, skeleton_or_reason
 from warp_cloth.avatar.openings import Opening
 from warp_cloth.base.connected import mesh_parts
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.attempt import TORN
 from warp_cloth.model.fit_problem import FitProblem, ProblemCode
@@ -93,12 +94,20 @@ def fell_off(judged: Judged) -> FitProblem | None:
     )
 
 
+def _feet_and_crown(judged: Judged, body: Mesh) -> tuple[float, float]:
+    """Heights of the ends of a body, with the limbs that it may lack: trousers reach below a form without legs [m]."""
+    wearing = judged.of.outfit.wearing[judged.index]
+    low, high = (float(corner[1]) for corner in body.bounds())
+    tips = [] if wearing is None else [wearing.skeleton.curves[limb][-1] for limb in wearing.skeleton.lacks]
+    return min([low, *(float(tip[1]) for tip in tips)]), max([high, *(float(tip[1]) for tip in tips)])
+
+
 def slid_off(judged: Judged) -> FitProblem | None:
     """A garment that has slid down to its body's feet."""
     body, points = judged.of.body, judged.points
     if body is None:
         return None
-    floor, top = float(body.bounds()[0][1]), float(body.bounds()[1][1])
+    floor, top = _feet_and_crown(judged, body)
     if points[:, 1].max() > floor + HANGING * (top - floor):
         return None
     below, before = ((place[:, 1] < floor).mean() for place in (points, judged.garment.points))
@@ -124,7 +133,7 @@ def slid_down(judged: Judged) -> FitProblem | None:
     number, count = _pieces(judged)
     openings = [each for each in openings if count[number[each.vertices[0]]] >= SCRAP * count.max()] or openings
     wearing = judged.of.outfit.wearing[judged.index]
-    (floor, top) = (float(corner[1]) for corner in body.bounds())
+    floor, top = _feet_and_crown(judged, body)
     start, height = (judged.garment.points if wearing is None else wearing.onto)[:, 1], top - floor
     heights = [float(start[opening.vertices].mean()) for opening in openings]
     # of a cape that starts as a flat disc all openings do so at one height
