@@ -40,6 +40,10 @@ if TYPE_CHECKING:
     from warp_cloth.fitting.fit import Fit
     from warp_cloth.scene import Scene
 
+# The first library of USD to be loaded waits for Python's lock while it holds the loader's, and NumPy, which holds the
+# first, asks for the second as it divides large arrays: loaded meanwhile it could stop the command for ever.
+USD = "pxr.Tf"
+
 
 def fit(
     scene: Annotated[
@@ -132,6 +136,7 @@ class _Meanwhile:
 
     def __call__(self, step: Any) -> None:
         if step.stage in ("compile", "relax") and self._thread is None:
+            import_module(USD)
             self._thread = threading.Thread(target=import_module, args=[self._module], daemon=True)
             self._thread.start()
         self._show(step)
