@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bodies import sure_skeleton
 from numpy.typing import NDArray
 
+from warp_cloth.anatomy.openings import LEGS
 from warp_cloth.anatomy.person import understand
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.mesh import Mesh
@@ -51,6 +53,20 @@ def test_head_and_feet_do_not_move_the_chest(body: Mesh, changed) -> None:
     before, after = girths(body), girths(changed(body))
     for name in ("chest", "waist"):
         assert after[name] == pytest.approx(before[name], abs=GIRTH)
+
+
+@pytest.mark.parametrize("longer", [0.72, 1.35])
+def test_the_hip_is_found_over_short_and_long_legs(body: Mesh, longer: float) -> None:
+    """By the stature alone it was sought at the waist of who has short legs, and below the crotch of long ones."""
+    skeleton = sure_skeleton(body)
+    hips = float(skeleton.spine[0, 1])
+    low = float(body.points[:, 1].min())
+    height = body.points[:, 1]
+    is_leg = np.isin(skeleton.limb, LEGS) & (height < hips)
+    points = body.points.copy()
+    points[:, 1] = np.where(is_leg, low + longer * (height - low), height + (longer - 1.0) * (hips - low))
+    after = girths(replace(body, points=points))
+    assert after["hip"] == pytest.approx(girths(body)["hip"], abs=GIRTH)
 
 
 def test_a_chest_without_armpits_is_not_measured(shared_data: Path) -> None:
