@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bodies import sure_skeleton
 from meshfiles import box
 
 from warp_cloth.anatomy.ground import above_ground
 from warp_cloth.anatomy.person import understand
+from warp_cloth.anatomy.skeleton import LEFT_ARM
 from warp_cloth.anatomy.wrapping import wrapped
 from warp_cloth.base.mesh import Indices, Mesh, Points
 
@@ -34,6 +36,18 @@ def test_who_is_grown_together_with_a_floor_or_a_plinth_has_limbs(body: Mesh, ha
     for name in ("chest", "waist", "hip"):
         assert measured[name] == pytest.approx(without[name], abs=0.02)
     assert without["stature"] - 0.05 < measured["stature"] < without["stature"]
+
+
+def test_what_a_hand_holds_is_no_floor(body: Mesh) -> None:
+    """A bag was taken for the floor, since one of its sides is flat and large."""
+    skeleton = sure_skeleton(body)
+    hand = skeleton.curves[LEFT_ARM][-3]
+    bag, sides = box(hand - [0.04, 0.35, 0.22], hand + [0.04, 0.02, 0.22])
+    faces = np.concatenate([body.triangles, sides + body.vertex_count]).astype(np.int32)
+    found = understand(Mesh("scan", *wrapped(np.vstack([body.points, bag]), faces)))
+    assert found.skeleton is not None
+    assert not found.skeleton.is_on_ground
+    assert not any("floor" in note for note in found.notes)
 
 
 def test_bodies_and_boxes_stand_on_nothing(body: Mesh) -> None:

@@ -55,6 +55,11 @@ def _wrapped(skeleton: Skeleton) -> tuple[str, ...]:
             "its feet are grown together with a floor or a plinth, which is left out with the soles: lengths down to "
             "the floor are some centimetres too short"
         )
+    if skeleton.is_holding:
+        notes.append(
+            "it is grown together with something large and flat, which is left out with what that touches, such as a "
+            "hand: a limb may be too short by that"
+        )
     return tuple(notes)
 
 

@@ -50,6 +50,7 @@ FLAT = 0.01  # of the span, the least spread of a trunk's vertices in any direct
 # floor have 0.085 at most, two of three of them backward, and do not tell forward.
 FLAT_FEET = 0.1
 SIDEWAYS = 0.5  # sine of the angle from the x axis, beyond which what is square to such legs is forward where it is +z
+BELOW = 0.05  # of the span, by which the top of what a body stands on may be higher than its lowest point
 LACKING = 0.06  # of the span, from the tip of a completed limb to the body, at least, where it lacks that limb's end
 # A person's limbs, along their curves from the middle of the trunk: right as long as left, arms as long as legs (0.89
 # to 1.15 in people, mannequins and halves of scans), the trunk 0.2 to 0.42 of the span, hips and shoulders wide apart.
@@ -73,6 +74,7 @@ class Skeleton:
     own: NDArray[np.bool_]  # the vertices of the connected part that has the limbs, shape [V]
     is_of_wrap: bool = False  # found on a surface wrapped round the body, as its own does not show the limbs
     is_on_ground: bool = False  # the body is grown together with a floor or a plinth, which is not its own
+    is_holding: bool = False  # the same of a large flat thing that is not below it
     lacks: tuple[int, ...] = ()  # limbs that are not there, or end early; their curves are as a whole body's would be
 
     @property
@@ -204,7 +206,9 @@ def _on_ground(body: Mesh, points: Points, triangles: Indices) -> Skeleton | Non
     limb[used], station[used], own[used] = found.limb, found.station, found.own
     count = body.vertex_count
     limbs = replace(found, skin=body.points, limb=limb[:count], station=station[:count], own=own[:count])
-    return replace(limbs, is_on_ground=True)
+    cut_off = np.setdiff1d(triangles, used)
+    is_below = float((points[cut_off] @ found.up).max()) < float((points[used] @ found.up).min()) + BELOW * found.span
+    return replace(limbs, is_on_ground=is_below, is_holding=not is_below)
 
 
 def _of_vertices(found: Skeleton, points: Points, number: NDArray[np.int64], own: NDArray[np.bool_]) -> Skeleton:
