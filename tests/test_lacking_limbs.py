@@ -92,6 +92,17 @@ def test_trousers_that_reach_below_a_form_without_shanks_are_worn(
     assert [problem.code.value for problem in found.problems] == []
 
 
+def test_a_torso_is_dressed_where_its_legs_would_stand(body: Mesh, skeleton: Skeleton, tmp_path: Path) -> None:
+    """Its lowest point was taken for its feet, and the T-shirt was brought up over its head."""
+    form = without(body, skeleton, [HEAD, *ARMS, *LEGS], 0.0)
+    write_obj(tmp_path / "body.obj", form.points, form.triangles)
+    avatar = {"mesh": str(tmp_path / "body.obj"), "units": "m"}
+    outfit = load_outfit(load_scene({"garment": {"shape": {"kind": "tshirt"}}, "avatar": avatar}), MeshCache())
+    assert "garment.translate" not in [choice.key for choice in outfit.readings]
+    assert outfit.wearing[0] is not None
+    assert not outfit.wearing[0].misplaced_at_start
+
+
 def test_vase_with_neck_is_no_torso() -> None:
     """It is as deep as it is wide."""
     profile = ((0.0, 0.12), (0.3, 0.18), (0.5, 0.2), (0.6, 0.08), (0.7, 0.07))  # heights and radii [m]

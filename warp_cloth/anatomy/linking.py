@@ -24,6 +24,7 @@ from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.base.topology import triangles_across
 
 SLEEVED = tuple((arm,) for arm in ARMS)  # whom a sleeve is for
+SINGLE = tuple((limb,) for limb in (*ARMS, *LEGS))  # whom a sleeve or a leg is for: it hangs empty without
 SUNK = 0.07  # of the body's span, that the top of a skirt comes down at most where its waist holds it
 # Slope of the top of what hangs from the waist, from side to side and beyond that of its cut, at which it hangs from
 # one hip: 24 degrees, from the waist on one side down to the buttock on the other.
@@ -56,7 +57,7 @@ def misplaced_openings(
     """The openings of a garment at ``points`` [m], shape [V, 3], that not all and only their limbs pass through."""
     found = []
     for opening, limbs in zip(openings, wanted, strict=True):
-        if not set(limbs) - set(skeleton.lacks):
+        if not limbs or (limbs in SINGLE and limbs[0] in skeleton.lacks):
             continue
         through: Limbs = ()
         for ring in opening.rings_inwards(points, triangles):
@@ -85,8 +86,8 @@ def covered_limbs(
 
 
 def _fits(wanted: Limbs, found: Limbs, lacks: Limbs = ()) -> bool:
-    """Whether these limbs pass, or all others; those that a body lacks may. A face may stay within its hood."""
-    own = set(range(len(LIMBS))) - set(lacks)
+    """Whether these limbs pass, or all others; arms that a body lacks may. A face may stay within its hood."""
+    own = set(range(len(LIMBS))) - (set(lacks) & set(ARMS))
     accepted: list[Limbs] = [wanted, ()] if wanted == (HEAD,) else [wanted]
     return any(own & set(found) in (own & set(limbs), own - set(limbs)) for limbs in accepted)
 

@@ -95,6 +95,11 @@ class Skeleton:
         waist: Points = 0.5 * (self.spine[0] + self.shoulders)
         return waist
 
+    @property
+    def extremes(self) -> Points:
+        """The skin, and the tips of the limbs that it lacks, as if they were there [m], shape [N, 3]."""
+        return np.vstack([self.skin, *(self.curves[limb][-1:] for limb in self.lacks)])
+
     def spine_at(self, points: Points) -> Points:
         """The points of the spine at the heights of ``points`` [m], shape [V, 3]."""
         heights = (self.spine - self.spine[0]) @ self.up

@@ -59,7 +59,7 @@ def _brought(
     degrees = angle_about_y(np.array([1.0, 0.0, 0.0]), person.left)
     degrees -= 360.0 * round(degrees / 360.0)
     turn = Placement(rotate=(0.0, degrees, 0.0)) if abs(degrees) >= TURNED else Placement()
-    place = np.array([person.middle[0], person.skin[:, 1].min(), person.middle[2]])
+    place = np.array([person.middle[0], person.extremes[:, 1].min(), person.middle[2]])
     specs, choices = list(scene.garments), []
     for index, origin in origins.items():
         changes: dict[str, tuple[Value, str]] = {}

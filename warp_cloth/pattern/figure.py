@@ -81,7 +81,7 @@ def figure_of(body: Mesh | None) -> Figure:
         (limbs[2], limbs[3]),
         float(np.abs((head - neck) @ left).max()) if len(head) else 0.08,
         min(float(arc_lengths(arm)[-1]) for arm in limbs[:2]) - HAND * skeleton.span,
-        float(body.points[:, 1].min()) + ANKLE * skeleton.span,
+        float(skeleton.extremes[:, 1].min()) + ANKLE * skeleton.span,
     )
 
 

@@ -97,9 +97,8 @@ def fell_off(judged: Judged) -> FitProblem | None:
 def _feet_and_crown(judged: Judged, body: Mesh) -> tuple[float, float]:
     """Heights of the ends of a body, with the limbs that it may lack: trousers reach below a form without legs [m]."""
     wearing = judged.of.outfit.wearing[judged.index]
-    low, high = (float(corner[1]) for corner in body.bounds())
-    tips = [] if wearing is None else [wearing.skeleton.curves[limb][-1] for limb in wearing.skeleton.lacks]
-    return min([low, *(float(tip[1]) for tip in tips)]), max([high, *(float(tip[1]) for tip in tips)])
+    points = body.points if wearing is None else wearing.skeleton.extremes
+    return float(points[:, 1].min()), float(points[:, 1].max())
 
 
 def slid_off(judged: Judged) -> FitProblem | None:
