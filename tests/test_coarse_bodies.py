@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warp_cloth.anatomy.finer import divided
 from warp_cloth.anatomy.person import understand
 from warp_cloth.anatomy.skeleton import skeleton_of
+from warp_cloth.base.division import divided
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.loading import load_mesh
 from warp_cloth.shapes import sphere

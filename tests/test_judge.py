@@ -344,7 +344,7 @@ def test_a_cape_that_starts_as_a_flat_disc_hangs_from_its_neck_and_not_from_its_
     write_obj(tmp_path / "cape.obj", disc + np.array([0.0, height, 0.0]), faces)
     garment = {"mesh": str(tmp_path / "cape.obj"), "units": "m", "rest": "mesh"}
     scene = load_scene({"garment": garment, "avatar": {"shape": {"kind": "mannequin"}}})
-    outfit = load_outfit(scene)
+    outfit = load_outfit(scene, divides=False)
     (wearing,) = outfit.wearing
     assert wearing is not None
     assert wearing.top.girth < 0.6

@@ -386,7 +386,7 @@ def test_set_of_a_pattern_replaces_mesh_or_shape_and_the_reverse() -> None:
     [
         ({"mesh": "a.obj", "pattern": "b.json"}, "mesh and pattern are both given"),
         ({"pattern": "b.json", "units": "cm"}, "units is for a mesh file, but a pattern is given"),
-        ({"mesh": "a.obj", "edge_mm": 12}, "edge_mm is for a pattern"),
+        ({"shape": {"kind": "square"}, "edge_mm": 12}, "edge_mm is for a mesh or a pattern"),
         ({"pattern": "b.json", "rest": "mesh"}, "a pattern is its own rest shape"),
         ({}, "neither mesh nor pattern nor shape is given"),
     ],

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.anatomy.completing import completed
-from warp_cloth.anatomy.finer import divided
 from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines, nearest_points, row_lengths
 from warp_cloth.anatomy.ground import above_ground
 from warp_cloth.anatomy.wrapping import wrapped
 from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.curves import arc_lengths
+from warp_cloth.base.division import divided
 from warp_cloth.base.lids import cones, with_tips
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.topology import mesh_edges

@@ -83,7 +83,12 @@ def judge(
     """
     chosen, name = loaded_scene(scene, overrides, on, fabric), device_named(device)
     outfit = load_outfit(chosen)
-    return judged_shape(chosen, outfit, _points_of(shape, chosen, outfit.meshes), name)
+    try:
+        points = _points_of(shape, chosen, outfit.meshes)
+    except InputError:
+        outfit = load_outfit(chosen, divides=False)  # another program knows the file's own faces alone
+        points = _points_of(shape, chosen, outfit.meshes)
+    return judged_shape(chosen, outfit, points, name)
 
 
 def judged_shape(scene: Scene, outfit: Outfit, points: Points, device: str) -> Judgement:

@@ -13,6 +13,7 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.garment.coarse import with_short_sides
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.measured_body import measured_mannequin
 from warp_cloth.garment.pins import select_pins
@@ -121,7 +122,13 @@ def garment_mesh(
     # triangles without area serve panels alone, and whether there are panels shows only now
     kept = spec.rest == "auto" and bool(without_area(mesh.points, mesh.triangles).any())
     as_modelled = kept and choose_rest(mesh, "auto", spec.uv_metres, key, spec.scale).kind == "mesh"
-    return load(rest="mesh") if as_modelled else mesh
+    mesh = load(rest="mesh") if as_modelled else mesh
+    if spec.edge_mm is None:
+        return mesh
+    if spec.rest_angles == "physics":
+        problem = "faces cannot be divided between which a stage states rest angles"
+        raise InputError(f"{key}.edge_mm", problem, "remove it")
+    return with_short_sides(mesh, choose_rest(mesh, spec.rest, spec.uv_metres, key, spec.scale), spec.edge)
 
 
 def _figure(avatar: AvatarSpec, drafts: Cache) -> Figure:

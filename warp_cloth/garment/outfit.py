@@ -16,6 +16,7 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.garment.coarse import divide_coarse
 from warp_cloth.garment.facing import brought_from_afar, brought_to_wearer
 from warp_cloth.garment.falling import Catcher
 from warp_cloth.garment.garment import Garment
@@ -119,8 +120,10 @@ class MeshCache(Cache):
         return sum(made.vertex_count for made in self.portable_entries().values() if isinstance(made, Mesh))
 
 
-def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
+def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None, *, divides: bool = True) -> Outfit:
     """Loads or generates every mesh of a scene and computes rest shapes and pins; cached ones are reused.
+
+    ``divides``: whether faces are divided that a body would show through.
 
     Raises:
         InputError: a file, a rest shape or a pin cannot be used.
@@ -131,7 +134,7 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     avatar = next((cache.make(recipe) for recipe in avatar_recipe(scene)), None)
     keyed = list(zip(scene.garment_keys, worn, strict=True))
     find_skeleton = partial(_skeleton, scene, avatar, cache)
-    brought = _read_as(*brought_to_wearer(scene, find_skeleton), cache)
+    brought = _read_as(*brought_to_wearer(scene, find_skeleton), cache, divides)
     if brought is not None:
         return brought
     try:
@@ -146,11 +149,11 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
             partial(brought_from_afar, scene, keyed, avatar, find_skeleton),
         ):
             with suppress(InputError):  # the scene's own error is raised where no reading helps
-                outfit = _read_as(*read(), cache)
+                outfit = _read_as(*read(), cache, divides)
                 if outfit is not None:
                     return outfit
         raise
-    standing = _read_as(*stand_up(scene, keyed, avatar, find_skeleton), cache)
+    standing = _read_as(*stand_up(scene, keyed, avatar, find_skeleton), cache, divides)
     if standing is not None:
         return standing
     refuse_bodies(keyed, avatar, find_skeleton)
@@ -166,15 +169,17 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     still = avatar if not poses and scene.collision.avatar != "none" else None
     wearing = _wearing(scene, garments, keys, still, cache)
     cloths = cloths_of(worn, garments, wearing)
-    otherwise = _read_as(*read_again(scene, cloths, still), cache)
+    otherwise = _read_as(*read_again(scene, cloths, still), cache, divides)
+    if otherwise is None and divides:
+        otherwise = _read_as(*divide_coarse(scene, garments, wearing), cache, divides)
     return otherwise or Outfit(with_doubts(scene, cloths), garments, avatar, poses, predraped, wearing)
 
 
-def _read_as(again: Scene, readings: Sequence[Choice], mesh_cache: MeshCache) -> Outfit | None:
+def _read_as(again: Scene, readings: Sequence[Choice], mesh_cache: MeshCache, divides: bool) -> Outfit | None:
     """The outfit of a scene in which a file that says too little is read otherwise; None: it is not."""
     if not readings:
         return None
-    outfit = load_outfit(again, mesh_cache)
+    outfit = load_outfit(again, mesh_cache, divides=divides)
     return replace(outfit, readings=(*readings, *outfit.readings))
 
 

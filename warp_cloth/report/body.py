@@ -78,7 +78,8 @@ def shown_through(judged: Judged, overlap: Overlap) -> FitProblem | None:
         ProblemCode.SHOWN_THROUGH,
         f'The body shows through {counted(len(faces), "large face")} of "{judged.name}" by up to '
         f"{short_number(depth, 2)} mm (limit {VISIBLE:g} mm).",
-        f"Divide these faces to edges of {finer_edge(judged, faces):.0f} mm, or raise collision.offset_mm.",
+        f"Divide these faces to edges of {finer_edge(judged, faces):.0f} mm (garment.edge_mm), or raise "
+        "collision.offset_mm.",
         judged.name,
         {"faces": len(faces), "depth_mm": depth, "limit_mm": VISIBLE},
         faces=listed(faces),

@@ -159,7 +159,7 @@ class GarmentSpec(Wearable):
         default=None,
         ge=2,
         le=60,
-        description=f"Edge length of a pattern's mesh [mm]; by default {PATTERN_EDGE_MM:g}, as GarmentCode's own.",
+        description=f"Edges of a pattern's mesh [mm], default {PATTERN_EDGE_MM:g}; longest of a file's, divided to it.",
     )
     size: str | None = Field(
         default=None, min_length=1, max_length=40, description="Size of a DXF pattern; by default the sample's."
@@ -274,9 +274,8 @@ class GarmentSpec(Wearable):
     def _source(self) -> GarmentSpec:
         kinds = 'shape = {kind = "square" or "tshirt"}'
         self._check_one_source({"pattern": self.pattern, "shape": self.shape}, f'pattern = "FILE", or {kinds}')
-        if self.pattern is None and self.edge_mm is not None:
-            remedy = "set shape.edge_mm" if self.shape is not None else "remove it"
-            raise refusal("edge_mm is for a pattern, which is meshed, and none is given", remedy, below="edge_mm")
+        if self.shape is not None and self.edge_mm is not None:
+            raise refusal("edge_mm is for a mesh or a pattern", "set shape.edge_mm", below="edge_mm")
         self._check_drafted()
         for key, plain in (("rest", "uv"), ("uv_units", "m")):
             if self.pattern is not None and getattr(self, key) not in ("auto", plain):
@@ -344,7 +343,7 @@ class GarmentSpec(Wearable):
 
     @property
     def edge(self) -> float:
-        """Edge length of a pattern's mesh [m]."""
+        """Edge length of a pattern's mesh, or the longest of a file's where it is stated [m]."""
         return (PATTERN_EDGE_MM if self.edge_mm is None else self.edge_mm) * 1e-3
 
     @property
