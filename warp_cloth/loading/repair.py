@@ -15,6 +15,7 @@ from warp_cloth.loading.layered import layers_meet
 from warp_cloth.loading.mirrored import half_at
 from warp_cloth.loading.polygons import triangulated
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, counted
+from warp_cloth.loading.slivers import without_slivers
 from warp_cloth.loading.split_seams import SplitSeams, split_seams
 from warp_cloth.loading.thickness import shell_among
 from warp_cloth.loading.trims import trims_among
@@ -109,13 +110,22 @@ def repaired(
     work = _wound(work, points, role)
     turned = (work.triangles != before).any(axis=1)
     trims = None
-    carried, notes = _carried(points, work.triangles) if role == "garment" else (np.zeros(0, dtype=bool), ())
+    carried, notes, is_thick = np.zeros(0, dtype=bool), work.notes[:0], False
+    if role == "garment":
+        carried, notes, is_thick = _carried(points, work.triangles)
     if carried.any():
         trims = _trimmings(points, work.triangles[carried], welded.vertex)
         kept = ~carried
         work = _Work(work.triangles[kept], work.corners[kept], work.faces[kept], (*work.notes, *notes))
         turned = turned[kept]
         closed = closed and _has_no_rim(raw, work, points)
+    texcoords = None if panels is None else raw.texcoords
+    if role == "garment" and raw.rest is None and not is_thick:  # the rims of thick cloth are narrow, and stay
+        better = without_slivers(points, work.triangles, work.corners, texcoords)
+        if better is not None:
+            welded = replace(welded, vertex=better.vertex[welded.vertex])
+            faces, notes = work.faces[better.source], (*work.notes, better.note)
+            work, turned = _Work(better.triangles, better.corners, faces, notes), turned[better.source]
     used = np.zeros(len(points), dtype=bool)
     used[work.triangles] = True
     number = np.where(used, np.cumsum(used) - 1, -1)
@@ -147,8 +157,8 @@ def repaired(
     )
 
 
-def _carried(points: Floats, triangles: Ints) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
-    """Which triangles the cloth carries along, as they are none of it, shape [F], and notes that say so."""
+def _carried(points: Floats, triangles: Ints) -> tuple[NDArray[np.bool_], tuple[str, ...], bool]:
+    """Which triangles the cloth carries along, as they are none of it, shape [F], notes, and whether it is thick."""
     loose, notes = trims_among(points, triangles), []
     if loose.any():
         count = _pieces(triangles[loose], len(points))
@@ -158,7 +168,7 @@ def _carried(points: Floats, triangles: Ints) -> tuple[NDArray[np.bool_], tuple[
         thickness = f"modelled with its thickness ({1e3 * shell.thickness:.2g} mm)"
         notes.append(f"{thickness}: its inner side is the cloth, which carries its outer side along")
         loose = loose | shell.carried
-    return loose, tuple(notes)
+    return loose, tuple(notes), shell is not None
 
 
 def _trimmings(points: Floats, triangles: Ints, welded: Ints) -> Trimmings:
