@@ -143,7 +143,7 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None, *, divides: b
         garments = _garments(scene, worn, keys, cache)
         wearing = _wearing(scene, garments, keys, avatar, cache)
         for read in (
-            partial(read_again, scene, cloths_of(worn, garments, wearing), avatar),
+            partial(read_again, scene, cloths_of(worn, garments, wearing, avatar), avatar),
             partial(read_sizes_again, scene, keyed, avatar),
             partial(stand_up, scene, keyed, avatar, find_skeleton),
             partial(brought_from_afar, scene, keyed, avatar, find_skeleton),
@@ -168,7 +168,7 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None, *, divides: b
         predraped = _garments(predrape_scene, worn, _all_keys(predrape_scene), cache)
     still = avatar if not poses and scene.collision.avatar != "none" else None
     wearing = _wearing(scene, garments, keys, still, cache)
-    cloths = cloths_of(worn, garments, wearing)
+    cloths = cloths_of(worn, garments, wearing, still)
     otherwise = _read_as(*read_again(scene, cloths, still), cache, divides)
     if otherwise is None and divides:
         otherwise = _read_as(*divide_coarse(scene, garments, wearing), cache, divides)

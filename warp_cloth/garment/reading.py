@@ -22,6 +22,7 @@ from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.units import METRES_PER, LengthUnit
 from warp_cloth.garment.front import CERTAIN, DOUBTFUL, Front, front_of
 from warp_cloth.garment.garment import Garment
+from warp_cloth.garment.moulded import faces_ahead, within
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
 from warp_cloth.loading import (
     Placement,
@@ -56,6 +57,7 @@ NEAR_LIMBS = 0.15
 # Of its own extent, that half of a glove, sock or hat is from the skin at most: 0.03 to 0.08, and a cape's 0.14. A
 # mitten and a shirt that were read in centimetres instead of inches were 0.22 and 0.25 off.
 ON_SKIN = 0.1
+MOULDED = 10.0  # the cue of where a garment lies on the skin: sure where it tells
 HEAD_UP = 0.85  # cosine of 30 degrees, rounded, between a trunk and z, of a body in a file with z up
 BESIDE = 0.1  # [m] from the body's middle, from where on a garment may be beside it
 
@@ -67,11 +69,20 @@ class Cloth:
     mesh: Mesh
     garment: Garment
     wearing: Wearing | None
+    body: Mesh | None = None  # that it is modelled on; None: it is cut from panels, or the body moves
 
     @cached_property
     def front_at_start(self) -> Front | None:
         """As ``front``, of the garment as it starts; None: it has no openings on a body."""
-        return None if self.wearing is None else self.front(self.wearing, self.wearing.followed)
+        if self.wearing is None:
+            return None
+        cut = self.front(self.wearing, self.wearing.followed)
+        if self.body is None:
+            return cut
+        start, middle = self.wearing.start, 0.5 * (self.wearing.start.min(axis=0) + self.wearing.start.max(axis=0))
+        axes = np.zeros(3), self.wearing.skeleton.middle, middle
+        ahead = faces_ahead(start, [_about_axis(180.0, axis).moved(start) for axis in axes], self.body)
+        return Front(cut.score + MOULDED * ahead, "turned by half it would lie on the skin") if ahead else cut
 
     def front(self, wearing: Wearing, points: Points) -> Front:
         """Whether its front is before the body, with the garment at ``points`` [m]."""
@@ -80,9 +91,12 @@ class Cloth:
         return front_of(wearing, points, triangle_areas(triangle_sides(corners)), self.mesh)
 
 
-def cloths_of(meshes: Sequence[Mesh], garments: Sequence[Garment], worn: Sequence[Wearing | None]) -> list[Cloth]:
-    """The garments of a scene as they were read."""
-    return [Cloth(*each) for each in zip(meshes, garments, worn, strict=True)]
+def cloths_of(
+    meshes: Sequence[Mesh], garments: Sequence[Garment], worn: Sequence[Wearing | None], body: Mesh | None
+) -> list[Cloth]:
+    """The garments of a scene as they were read; ``body`` as in ``read_again``."""
+    each = zip(meshes, garments, worn, strict=True)
+    return [Cloth(*own, body if own[1].rest.source.kind == "mesh" else None) for own in each]
 
 
 def read_again(scene: Scene, cloths: Sequence[Cloth], body: Mesh | None) -> tuple[Scene, list[Choice]]:
@@ -335,8 +349,10 @@ def _turned_about(cloth: Cloth, wearing: Wearing) -> Change | None:
     faces_away = bool(wearing.skeleton.left[0] < 0.0)
     if front is None or front.score >= (0.0 if faces_away else -CERTAIN):
         return None
-    for axis in (np.zeros(3), wearing.skeleton.middle):
-        turn = _about_axis(180.0, axis)
+    turns = [_about_axis(180.0, axis) for axis in (np.zeros(3), wearing.skeleton.middle)]
+    if (body := cloth.body) is not None:
+        turns.sort(key=lambda turn: within(turn.moved(wearing.start), body))
+    for turn in turns:
         there = wearing.started_at(turn.moved(wearing.start))
         is_clear = faces_away or not there.pierced(there.start) or bool(wearing.pierced(wearing.start))
         if is_clear and len(there.misplaced_at_start) <= len(wearing.misplaced_at_start):
