@@ -70,6 +70,26 @@ def test_obj_names_materials_and_has_normals_at_each_corner(tmp_path: Path) -> N
     assert all(vertex == normal for vertex, _, normal in corners)
 
 
+def test_faces_keep_the_materials_of_their_file(tmp_path: Path) -> None:
+    source, written = tmp_path / "two.obj", tmp_path / "fit.obj"
+    corners = "".join(f"v {x} {y} 0\n" for y in (0, 0.1, 0.2, 0.3) for x in (0, 0.1))
+    source.write_text(
+        f"{corners}o shirt\nusemtl red cotton\nf 1 2 4 3\nusemtl lining\nf 3 4 6 5\nusemtl red cotton\nf 5 6 8 7\n"
+    )
+    mesh = load_mesh(source, role="garment", key="garment", units="m")
+    assert mesh.material_names == ("red cotton", "lining")
+    garment = replace(worn("shirt"), mesh=mesh, points=mesh.points, fields={})
+    write_obj(written, garments=[garment, replace(garment, name="other")])
+    used = [line.removeprefix("usemtl ") for line in written.read_text().splitlines() if line.startswith("usemtl")]
+    assert used == ["red_cotton", "lining", "red_cotton"] * 2
+    looks = (tmp_path / "fit.mtl").read_text().splitlines()
+    assert [line for line in looks if line.startswith("newmtl")] == ["newmtl red_cotton", "newmtl lining"]
+    again = load_mesh(written, role="garment", key="garment", units="m")
+    assert again.materials is not None
+    assert mesh.materials is not None
+    assert np.array_equal(again.materials[: mesh.triangle_count], mesh.materials)
+
+
 def test_point_caches_hold_every_frame_of_each_garment(tmp_path: Path) -> None:
     garments = [worn("shirt", frame_count=4), worn("coat")]
     paths = write_point_caches(tmp_path / "fit.pc2", garments=garments)

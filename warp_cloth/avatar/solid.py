@@ -39,7 +39,14 @@ class Closing:
     def closed(self, mesh: Mesh) -> Mesh:
         """The mesh as a solid; without data of single triangles."""
         return replace(
-            mesh, points=self.points(mesh.points), triangles=self.triangles, texcoords=None, panels=None, panel_names=()
+            mesh,
+            points=self.points(mesh.points),
+            triangles=self.triangles,
+            texcoords=None,
+            panels=None,
+            panel_names=(),
+            materials=None,
+            material_names=(),
         )
 
     def surface(self, mesh: Mesh) -> Mesh:

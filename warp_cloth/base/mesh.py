@@ -53,6 +53,8 @@ class Mesh:
     trim_points: Points | None = None  # of loose parts that lie on the cloth, and are none [m], shape [T, 3]
     trim_triangles: Indices | None = None  # of these, shape [K, 3]
     trim_map: NDArray[np.int64] | None = None  # which of these each vertex of the file became, -1: none of them
+    materials: Indices | None = None  # material of each triangle, where the file has several, shape [F]
+    material_names: tuple[str, ...] = ()
 
     @property
     def vertex_count(self) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 from warp_cloth.base.disk_cache import Entry, disk_cache, key_of
 from warp_cloth.base.mesh import Mesh
 
-LISTS = ("panel_names", "notes")  # of a mesh; tuples, which JSON does not know
+LISTS = ("panel_names", "material_names", "notes")  # of a mesh; tuples, which JSON does not know
 
 
 def stored_mesh(name: str, packages: tuple[str, ...], make: Callable[[], Mesh], *parts: Any) -> Mesh:

@@ -118,6 +118,7 @@ def write_obj(path: Path, *, garments: Sequence[WornGarment]) -> Path:
     """Writes the garments in metres, y up, and their materials; returns the path of the materials' file.
 
     An object each, one more for its trims, a group for each panel, normals per vertex, texture coordinates per corner.
+    Where a garment's file has several materials, its faces keep theirs by name.
     """
     require_sound(garments, None)
     materials = material_file(path)
@@ -127,7 +128,11 @@ def write_obj(path: Path, *, garments: Sequence[WornGarment]) -> Path:
     for index, worn in enumerate(garments):
         mesh, material = worn.mesh, material_name(worn)
         red, green, blue = linear(cloth_colour(index)).tolist()
-        looks += [f"newmtl {material}", f"Kd {red:.4g} {green:.4g} {blue:.4g}", f"Pr {ROUGHNESS:g}", "illum 1"]
+        names = [_word(name) for name in mesh.material_names] if mesh.materials is not None else [material]
+        for name in dict.fromkeys(names):
+            if f"newmtl {name}" in looks:
+                continue  # an inner garment's
+            looks += [f"newmtl {name}", f"Kd {red:.4g} {green:.4g} {blue:.4g}", f"Pr {ROUGHNESS:g}", "illum 1"]
         lines.append(f"o {_word(worn.name)}")
         lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in worn.points.tolist()]
         lines += [f"vn {x:.5g} {y:.5g} {z:.5g}" for x, y, z in vertex_normals(worn.points, mesh.triangles).tolist()]
@@ -139,8 +144,7 @@ def write_obj(path: Path, *, garments: Sequence[WornGarment]) -> Path:
             corners = np.char.add(corners, (place.reshape(-1, 3) + texcoord).astype(str))
             texcoord += len(unique)
         rows = np.char.add(np.char.add(corners, "/"), points).tolist()
-        lines.append(f"usemtl {material}")
-        lines += _grouped([f"f {a} {b} {c}" for a, b, c in rows], mesh)
+        lines += _grouped([f"f {a} {b} {c}" for a, b, c in rows], mesh, names)
         vertex += mesh.vertex_count
         if worn.trims is not None:
             carried, faces = worn.trims.at(worn.points), worn.trims.triangles.astype(np.int64) + vertex
@@ -160,13 +164,18 @@ def material_file(path: Path) -> Path:
     return path.with_name(f"{_word(path.stem)}.mtl")
 
 
-def _grouped(rows: Sequence[str], mesh: Mesh) -> Iterator[str]:
-    """Rows of faces in their order, a group's name where another panel begins."""
+def _grouped(rows: Sequence[str], mesh: Mesh, materials: Sequence[str]) -> Iterator[str]:
+    """Rows of faces in their order, a material's and a group's name where another one, or another panel, begins."""
     names = dict.fromkeys(range(len(rows)), "")
     for name, faces in _panel_faces(mesh):
         names.update(dict.fromkeys(faces.tolist(), name))
+    of_face = [0] * len(rows) if mesh.materials is None else mesh.materials.tolist()
     group = ""
+    material = None
     for face, row in enumerate(rows):
+        if of_face[face] != material:
+            material = of_face[face]
+            yield f"usemtl {materials[material]}"
         if names[face] != group:
             group = names[face]
             yield f"g {group}"

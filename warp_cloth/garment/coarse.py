@@ -74,6 +74,7 @@ def with_short_sides(mesh: Mesh, source: RestSource, longest: float) -> Mesh:
         triangles=parts.triangles,
         texcoords=None if mesh.texcoords is None else parts.held(mesh.texcoords),
         panels=None if mesh.panels is None else mesh.panels[parts.source],
+        materials=None if mesh.materials is None else mesh.materials[parts.source],
         folds=None,  # between faces of the file
         rest_corners=None if mesh.rest_corners is None else parts.held(mesh.rest_corners),
         vertex_map=np.arange(mesh.vertex_count) if mesh.vertex_map is None else mesh.vertex_map,

@@ -103,6 +103,8 @@ def load_mesh(
         texcoords=sound.texcoords,
         panels=None if raw.panels is None else raw.panels[sound.faces].astype(np.int32),
         panel_names=raw.panel_names,
+        materials=None if raw.materials is None else raw.materials[sound.faces].astype(np.int32),
+        material_names=raw.material_names,
         notes=(*raw.notes, *unit.notes, *sound.notes, *_doubts(raw, sound, role, up)),
         unit=unit.name,
         vertex_map=None if same_vertices else sound.vertex_map,

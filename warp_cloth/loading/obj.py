@@ -51,6 +51,9 @@ def read_obj(file: str, data: bytes) -> RawMesh:
     )
     counts, corners, corner_texcoords = _corners(file, statements)
     panels, names = _panels(statements)
+    materials, material_names = _named(statements, b"usemtl")
+    if len(material_names) < 2:
+        materials, material_names = None, ()
     return RawMesh(
         file=file,
         points=points,
@@ -59,6 +62,8 @@ def read_obj(file: str, data: bytes) -> RawMesh:
         texcoords=_at_corners(texcoords, corner_texcoords),
         panels=panels,
         panel_names=names,
+        materials=materials,
+        material_names=material_names,
         vertex_lines=np.array(statements.vertex_lines, dtype=np.int64),
         face_lines=np.array(statements.face_lines, dtype=np.int64),
         first_index=1,
@@ -216,17 +221,23 @@ def _panels(statements: _Statements) -> tuple[Ints | None, tuple[str, ...]]:
     """Panel of each face by ``g``, else ``o``, else ``usemtl``: the first of them that distinguishes faces."""
     only: tuple[Ints | None, tuple[str, ...]] = (None, ())
     for keyword in _GROUPINGS:
-        starts = statements.groups.get(keyword)
-        if not starts:
-            continue
-        names: dict[str, int] = {}
-        panels = np.empty(len(statements.faces), dtype=np.int64)
-        bounds = [(0, "default"), *starts, (len(statements.faces), "")]
-        for (first, name), (end, _) in pairwise(bounds):
-            if end > first:
-                panels[first:end] = names.setdefault(name or "default", len(names))
+        panels, names = _named(statements, keyword)
         if len(names) > 1:
-            return panels, tuple(names)
+            return panels, names
         if only[0] is None and names:
-            only = panels, tuple(names)
+            only = panels, names
     return only
+
+
+def _named(statements: _Statements, keyword: bytes) -> tuple[Ints | None, tuple[str, ...]]:
+    """The number of the name that a statement gives each face, shape [faces], and the names; None: it gives none."""
+    starts = statements.groups.get(keyword)
+    if not starts:
+        return None, ()
+    names: dict[str, int] = {}
+    numbers = np.empty(len(statements.faces), dtype=np.int64)
+    bounds = [(0, "default"), *starts, (len(statements.faces), "")]
+    for (first, name), (end, _) in pairwise(bounds):
+        if end > first:
+            numbers[first:end] = names.setdefault(name or "default", len(names))
+    return numbers, tuple(names)

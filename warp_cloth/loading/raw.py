@@ -37,6 +37,8 @@ class RawMesh:
     texcoords: Floats | None = None  # of each corner, NaN where it has none, shape [sum of counts, 2]
     panels: Ints | None = None  # panel of each polygon, shape [P]
     panel_names: tuple[str, ...] = ()
+    materials: Ints | None = None  # material of each polygon, shape [P]
+    material_names: tuple[str, ...] = ()
     metres_per_unit: float | None = None  # as the file declares
     vertex_lines: Ints | None = None  # shape [V]
     face_lines: Ints | None = None  # shape [P]
