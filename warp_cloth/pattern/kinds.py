@@ -115,6 +115,7 @@ PAIRED = (
     "leg_back",
     "hood",
     "cuff",
+    "strap",
     "side_front",
     "side_back",
     "side_skirt_front",

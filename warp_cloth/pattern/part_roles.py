@@ -65,7 +65,7 @@ def roles_of(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yo
         return strip_roles(shape) if whole and is_strip(shape) else hood_roles(shape)
     if kind.removeprefix("side_") in ("skirt_front", "skirt_back", "gore"):
         return skirt_roles(shape)
-    if kind in STRIPS and is_strip(shape, is_named=True) and (found := strip_roles(shape)):
+    if kind in (*STRIPS, "strap") and is_strip(shape, is_named=True) and (found := strip_roles(shape)):
         return found
     return collar_roles(shape) if kind in COLLARS else {}
 

@@ -18,8 +18,10 @@ from warp_cloth.pattern.levels import LEVELS, WHOLE_TURN, repeated, spans
 from warp_cloth.pattern.placing_bands import band
 from warp_cloth.pattern.placing_gores import cone, gore
 from warp_cloth.pattern.placing_sleeves import half_sleeve, sleeve, under_sleeve
+from warp_cloth.pattern.placing_straps import below_straps, strap
 from warp_cloth.pattern.runs import faces_of, role_of
 from warp_cloth.pattern.specification import Side
+from warp_cloth.pattern.straps import STRAP
 from warp_cloth.pattern.tiers import above_of
 from warp_cloth.pattern.wrap import Laid, Wrap, flat_wrap
 
@@ -37,6 +39,8 @@ def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> 
     bands = [index for index, part in enumerate(parts) if part.kind in STRIPS]  # where what they are sewn to starts
     for index, wrap in [(index, band(parts, joints, found, index, figure)) for index in bands]:
         found[index] = wrap
+    for index in (index for index, part in enumerate(parts) if part.kind == STRAP):
+        found[index] = strap(parts, joints, found, index, figure)
     for _ in range(len(parts)):
         missing = [index for index, wrap in enumerate(found) if wrap is None]
         if not missing:
@@ -59,8 +63,8 @@ def wraps_of(parts: Sequence[Part], joints: Sequence[Joint], figure: Figure) -> 
 def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Laid | None:
     part = parts[index]
     by_kind: dict[str, Callable[[], Laid | None]] = {
-        "front": lambda: _bodice(part, figure, True, _side_panel_width(parts, index), _below_yoke(parts, index)),
-        "back": lambda: _bodice(part, figure, False, _side_panel_width(parts, index), _below_yoke(parts, index)),
+        "front": lambda: _bodice(parts, index, figure, True),
+        "back": lambda: _bodice(parts, index, figure, False),
         "yoke": lambda: _trunk(part, figure, False) if part.roles else None,
         "front_yoke": lambda: _trunk(part, figure, True) if part.roles else None,
         "side_front": lambda: _side_panel(parts, index, figure, True),
@@ -123,10 +127,12 @@ def _below_yoke(parts: Sequence[Part], index: int) -> float:
     return max(heights, default=0.0)
 
 
-def _bodice(part: Part, figure: Figure, is_front: bool, side_panels: float = 0.0, lowered: float = 0.0) -> Wrap | None:
+def _bodice(parts: Sequence[Part], index: int, figure: Figure, is_front: bool) -> Wrap | None:
+    part = parts[index]
     if "inseam" in part.roles:  # in one with a leg
         return _leg(replace(part, roles={"crotch": part.roles["centre"]}), figure, is_front)
-    return _trunk(part, figure, is_front, side_panels, lowered)
+    lowered = _below_yoke(parts, index) + below_straps(parts, index, figure)
+    return _trunk(part, figure, is_front, _side_panel_width(parts, index), lowered)
 
 
 def _trunk(part: Part, figure: Figure, is_front: bool, side_panels: float = 0.0, lowered: float = 0.0) -> Wrap:

@@ -35,6 +35,7 @@ from warp_cloth.pattern.runs import (
 )
 from warp_cloth.pattern.sleeves import proposed_sleeves
 from warp_cloth.pattern.specification import Side
+from warp_cloth.pattern.straps import proposed_straps
 from warp_cloth.pattern.tiers import proposed_tiers
 from warp_cloth.pattern.yokes import proposed_yokes
 
@@ -61,6 +62,7 @@ def proposed_joints(parts: Sequence[Part]) -> tuple[Joint, ...]:
         *_bodices(parts),
         *proposed_gussets(parts),
         *proposed_yokes(parts),
+        *proposed_straps(parts),
         *proposed_sleeves(parts),
         *_legs(parts),
         *_hoods(parts),

@@ -18,6 +18,7 @@ from warp_cloth.pattern.proposal import SEWN_FROM, proposed_joints
 from warp_cloth.pattern.skirt_panels import with_skirt_panels
 from warp_cloth.pattern.specification import short
 from warp_cloth.pattern.straight_armholes import with_straight_armholes
+from warp_cloth.pattern.straps import with_straps
 from warp_cloth.pattern.tiers import with_tiers
 
 SEAM_APART = 0.02  # relative, to which a front or back is as long at its side as the panel there
@@ -55,7 +56,7 @@ def _made(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> t
     for way in WAYS:
         parts = _parted(parts, way)
     parts, bibs = with_bibs(with_straight_armholes(parts))
-    parts = with_narrow_ends_doubted(with_tiers(parts))
+    parts = with_narrow_ends_doubted(with_tiers(with_straps(parts)))
     parts, layers = with_single_layers(with_skirt_panels(parts))
     parts, halves = with_whole_bands(parts)
     parts, collars = with_collars(with_marks_of_godets(parts))

@@ -12,6 +12,7 @@ from warp_cloth.pattern.panel_roles import yoke_roles
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.roles import Shape, concave_count, upright
 
+LOWER = ("leg", "skirt", "waistband")  # kinds of what may hang from straps, too
 TOPS = ("sleeve", *HALF_SLEEVES, *COLLARS, "hood")
 
 
@@ -29,7 +30,7 @@ class Top:
 
 
 def top_of(kinds: Set[str], pieces: Sequence[Piece]) -> Top:
-    has_top = not kinds.isdisjoint(TOPS)
+    has_top = not kinds.isdisjoint(TOPS) or ("strap" in kinds and not any(kind.startswith(LOWER) for kind in kinds))
     whole = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is not None]
     has_bodice = any(concave_count(Shape(each.edges, upright(each.edges, "front"))) >= 2 for each in whole)
     halves = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is None]

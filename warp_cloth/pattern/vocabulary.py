@@ -23,7 +23,12 @@ WORDS = (
         r"|cebi|astar|\bpervaz|\blomme|\bficka|tasku|vuori|tuki\b|lisake|kou ?dai|dou ?bu|li ?bu|gua ?mian|袋"
         r"|里布|里料|贴边|挂面|衬|门襟|ポケット|見返し|裏地|주머니|안감|zseb|belebujt|\bbeles|buzunar|captuseal",
     ),
-    ("strap", r"(?<!sleeve )straps?\b|bretelle|\btra(e|)ger\b|spagh?ettitr|tirante\b|spallina|\balca\b|ramiacz|бретел"),
+    (
+        "strap",
+        r"(?<!sleeve )straps?\b|\bstrp\b|bretell|\btra(e|)ger\b|spagh?ettitr|\btirantes?\b|\bspallin[ae]\b|\balcas?\b"
+        r"|ramiacz|бретел|\baski\b|axelband|schouderband|\bbandjes?\b"
+        r"|肩带|肩帶|吊带|吊帶|肩紐|肩ひも|ストラップ|어깨 ?끈|스트랩",
+    ),
     (
         "hem_band",
         r"(?<!sleeve )(?<!arm )(hem|bottom|btm)[ _-]*(band|rib)|rib[ _-]*(hem|bottom|btm)"
