@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from dxf_everyday import EVERYDAY, TRUE_EVERYDAY
-from dxf_patterns import Drafted, Style, band, write
+from dxf_patterns import Drafted, Style, band, bezier, write
 from dxf_shirts import shirt, write_shirt
 from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
 from warp_cloth.pattern.kinds import named
+from warp_cloth.pattern.labels import ON_FOLD, PLEATED
 
 STYLES = [Style(), Style("ENGLISH", turned=90.0, entity="LWPOLYLINE", allowance=1.0)]
 
@@ -92,3 +94,31 @@ def test_bibs_stay_open_at_their_sides(tmp_path: Path) -> None:
     assert boundary_loops(path, DraftOptions()) == 3
     assert sum("folds down" in note for note in read_drafted(path).notes) == 1
     assert not kinds(read_drafted(write(tmp_path / "b.dxf", {"M": pieces})))["side"]
+
+
+def half_skirt(name: str, quantity: str) -> Drafted:
+    side = bezier((23.0, 0.0), (25.0, 25.0), (26.0, 42.0), (18.0, 60.0))
+    edges = [[(0.0, 0.0), (23.0, 0.0)], side, [side[-1], (0.0, 59.0)], [(0.0, 59.0), (0.0, 0.0)]]
+    return Drafted(name, edges, quantity)
+
+
+def test_half_a_skirt_that_is_cut_once_is_no_whole_one(tmp_path: Path) -> None:
+    """Its middle was sewn as a side: a half that says so, or whose other half is nowhere, is opened."""
+    pieces = [half_skirt("FRONT", "1"), half_skirt("BACK", "2"), band("WAISTBAND", 74.0, 4.0)]
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": pieces}))
+    assert kinds(draft) == {"side": 2, "centre back": 1, "waistband": 1, "waistband ends": 1}
+    assert any("mirrored at its straight centre" in note for note in draft.notes)
+
+
+def test_halves_of_a_skirt_that_are_drawn_one_by_one_meet_in_the_middle(tmp_path: Path) -> None:
+    left = half_skirt("SKIRT FRONT LEFT", "1")
+    right = Drafted("SKIRT FRONT RIGHT", [[(-x, y) for x, y in edge[::-1]] for edge in left.edges[::-1]])
+    back = replace(half_skirt("SKIRT BACK", "1"), fold=((0.0, 59.0), (0.0, 0.0)))
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": [left, right, back, band("WAISTBAND", 74.0, 4.0)]}))
+    assert kinds(draft) == {"side": 2, "centre front": 1, "waistband": 1, "waistband ends": 1}
+
+
+@pytest.mark.parametrize("text", ["sur le pli", "Sur pli", "pliure", "VT i. Br.", "im Bruch", "CUT ON FOLD"])
+def test_labels_that_say_on_the_fold(text: str) -> None:
+    assert re.search(ON_FOLD, text.lower())
+    assert not re.search(PLEATED, f"{text} 2".lower())

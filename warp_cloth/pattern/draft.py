@@ -286,7 +286,7 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: Top) -> Par
     roles = roles_of(kind, shape, mirror is not None, kind in panelled, kind in top.yoked)
     if ring is not None:
         roles = ring.roles
-    elif is_half:
+    elif kind in SKIRTS and mirror is None:
         roles = half_skirt_roles(shape) or roles
     return replace(part, roles=roles, side=side or side_of(kind, shape, roles, mirror is not None))
 

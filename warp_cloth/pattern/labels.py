@@ -25,9 +25,13 @@ COUNT_KEYS = (
 )
 NOTE_KEYS = ("annotation", "annotations", "remark", "description")
 PAIR = r"\bpairs?\b|\bpaare?\b|\bpaires?\b|\bpar(es)?\b|\bpai[ao]\b|[对对双雙]"
-PLEATED = r"\bpleat|\bfalte|kellerfalte|\bpliss|\bplis? |\bplisad|\btabla\b|\bpieghe?\b|褶|プリーツ|주름"
+PLEATED = (
+    r"\bpleat|\bfalte|kellerfalte|\bpliss|(?<!\ble )(?<!\bau )(?<!\bsur )\bplis? |\bplisad|\btabla\b|\bpieghe?\b|褶"
+    r"|プリーツ|주름"
+)
 ON_FOLD = (
-    r"\bon (the )?fold|\bau pli|\b(im )?bruch\b|\b(im )?stoffbruch|\bdoblez|\bpiega\b|\b(na|pela) dobra|dobra do tecido"
+    r"\bon (the )?fold|\b(au|sur)( le| la)? pli|\bpliure|\b(im )?bruch\b|\bi\. ?br\b|\b(im )?stoffbruch"
+    r"|\bdoblez|\bpiega\b|\b(na|pela) dobra|dobra do tecido"
     r"|stofvouw|\b(aan|op|tegen) (de )?vouw"
     r"|\bkatta\b|\bkat(a|tan)? (yerinde|izi)|zgi[eę]ci|złożeni|přehyb|\bmot vikning"
     r"|\btygvikning|\bmot brett|\bmod fold|\btaite|сгиб|згин|对折|對折|わ裁|골선"
