@@ -8,7 +8,7 @@ from typing import Any
 import ezdxf
 import numpy as np
 import pytest
-from dxf_patterns import GRADES, TRUE_SEAMS, Drafted, tshirt
+from dxf_patterns import GARMENTS, GRADES, TRUE_SEAMS, Drafted, Style, tshirt, write
 from test_dxf import kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
@@ -127,3 +127,40 @@ def test_frames_title_blocks_and_buttons_are_no_pieces(tmp_path: Path) -> None:
     draft = read_drafted(sheet(tmp_path / "sheet.dxf", labels, draw))
     assert [part.name for part in draft.parts] == ["voorpand", "achterpand", "mouw", "mouw mirrored", "halsboord"]
     assert kinds(draft) == TRUE_SEAMS["tshirt"]
+
+
+def test_folds_and_grains_on_the_outlines_layer_are_no_outlines(tmp_path: Path) -> None:
+    """Joined end to end, the fold and the grain of one piece and another were one more piece."""
+    document = ezdxf.new("R2000")
+    space = document.modelspace()
+    for number, piece in enumerate(tshirt()):
+        points = outline(piece, opened=False) * MM + (1500.0 * number, 0.0)
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle = 0.5 * (low + high)
+        space.add_lwpolyline(points.tolist(), close=True)
+        if piece.fold is not None:
+            space.add_line(*(np.array(piece.fold) * MM + (1500.0 * number, 0.0)).tolist())
+        space.add_line((middle[0], 0.8 * low[1] + 0.2 * high[1]), (middle[0], 0.2 * low[1] + 0.8 * high[1]))
+        count = "1+1" if piece.name == "SLEEVE" else "1"
+        for row, text in enumerate((piece.name, f"Cut {count}")):
+            space.add_text(text).set_placement((middle[0] - 1.0, middle[1] - 10.0 * row))
+    path = tmp_path / "sheet.dxf"
+    document.saveas(path)
+    draft = read_drafted(path)
+    assert kinds(draft) == TRUE_SEAMS["tshirt"]
+    assert len(draft.parts) == 5
+
+
+@pytest.mark.parametrize("garment", ["tshirt", "trousers"])
+def test_pieces_without_grain_may_lie_sideways(garment: str, tmp_path: Path) -> None:
+    """As they are laid for cutting: the seams that they would have tell."""
+    for turned in (0.0, 90.0, -90.0):
+        path = write(tmp_path / "a.dxf", {"M": GARMENTS[garment](0.0)}, Style(turned=turned, marks=False))
+        document = ezdxf.readfile(path)
+        for block in document.blocks:
+            for line in block.query('LINE[layer=="7"]'):
+                block.delete_entity(line)
+        document.saveas(path)
+        draft = read_drafted(path)
+        assert kinds(draft) == TRUE_SEAMS[garment]
+        assert any(f"along {'x' if turned else 'y'} of the drawing" in note for note in draft.notes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 
 import numpy as np
@@ -13,7 +13,8 @@ from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.draft_options import DraftOptions
-from warp_cloth.pattern.dxf import read_drawing
+from warp_cloth.pattern.dxf import Drawing, read_drawing
+from warp_cloth.pattern.dxf_drawn import GRAIN
 from warp_cloth.pattern.figure import Figure, figure_of
 from warp_cloth.pattern.grade_table import GradeTable
 from warp_cloth.pattern.joints import Joint, cut, side_text, stated_joints
@@ -25,10 +26,12 @@ from warp_cloth.pattern.piece_sizes import rank
 from warp_cloth.pattern.pieces import pieces_of
 from warp_cloth.pattern.placing import wraps_of
 from warp_cloth.pattern.proposal import SEWN_FROM, proposed_joints
+from warp_cloth.pattern.runs import length_of
 from warp_cloth.pattern.shared_sides import parts_with_sides
 from warp_cloth.pattern.spare import spare_of
 from warp_cloth.pattern.specification import Edge, Panel, Pattern, Side, Stitch, short
 
+CLEARLY = 1.1  # times longer, as which seams tell which way pieces lie
 ADVICE = "draw it with `warp-cloth pattern`, and state the seams that it needs ([[garment.seam]])"
 
 
@@ -53,8 +56,27 @@ def read_draft(file: str, data: bytes, options: DraftOptions, table: GradeTable 
         InputError: ezdxf is not installed, the file cannot be read, or what is stated does not fit it.
     """
     drawing = read_drawing(file, data)
+    return _draft(file, drawing, options, table, _lies_sideways(file, drawing, options, table))
+
+
+def _lies_sideways(file: str, drawing: Drawing, options: DraftOptions, table: GradeTable | None) -> bool:
+    """Whether pieces without any grain line are laid for cutting: their proposed seams are then clearly longer."""
+    if any(GRAIN in drawn.lines for drawn in drawing.pieces):
+        return False
+    unstated = replace(options, seams=())
+    upright, sideways = (_sewn_length(_draft(file, drawing, unstated, table, way)) for way in (False, True))
+    return sideways > CLEARLY * upright
+
+
+def _sewn_length(draft: Draft) -> float:
+    """Length of all seams that are sewn [m]."""
+    return sum(length_of(draft.parts, joint.one) for joint in draft.joints)
+
+
+def _draft(file: str, drawing: Drawing, options: DraftOptions, table: GradeTable | None, sideways: bool) -> Draft:
+    """The draft of a drawing; ``sideways``: as ``pieces_of``'s."""
     undarted = {name for name, said in options.pieces.items() if not said.darts}
-    pieces, told = pieces_of(file, drawing, options.seam_allowance, table, undarted)
+    pieces, told = pieces_of(file, drawing, options.seam_allowance, table, undarted, sideways)
     sample = drawing.stated.get("samplesize") or drawing.stated.get("basesize", "") or (table.sample if table else "")
     rules = drawing.stated.get("graderuletable")
     if rules and table is None and len({piece.size for piece in pieces}) < 2:

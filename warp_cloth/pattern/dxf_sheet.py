@@ -22,12 +22,13 @@ from warp_cloth.pattern.dxf_drawn import (
 )
 from warp_cloth.pattern.labels import SIZE_KEYS
 from warp_cloth.pattern.lattice import inside
-from warp_cloth.pattern.loops import area_of, chained, gaps_of
+from warp_cloth.pattern.loops import area_of, chained, gaps_of, is_closed
 
 WITHIN = 0.95  # of a loop's points, within another: a part of the same piece
 LINED = 0.6  # of the area, from which a loop within an outline is its sew line
 # Of an outline's area, which several loops within it fill where it is a sheet's frame
 FRAMED_RECTANGLE, FRAMED_OTHER = 0.1, 0.4
+NEXT_TO = 1e-3  # of an outline's extent, from a line along it to its inside
 SQUARE = 1e-3  # of its extent, to which a frame is a rectangle
 DOT = 1e-3  # of the largest outline's area, under which one outside all others is a button or a mark
 
@@ -78,7 +79,7 @@ def _pieces_of(entities: list[Any], as_one: bool) -> tuple[list[Drawn], list[str
         whole.lines = {NAMELESS: [line for lines in whole.lines.values() for line in lines]}
     layers = whole.lines
     main = CUT if CUT in layers else SEW if SEW in layers else NAMELESS
-    drawn = layers.get(main, [])
+    drawn = _without_inner_lines(layers.get(main, []))
     found = chained(drawn)
     gaps = gaps_of(drawn, found)
     loops = [line if gap else np.concatenate([line, line[:1]]) for line, gap in zip(found, gaps, strict=True)]
@@ -118,6 +119,34 @@ def _pieces_of(entities: list[Any], as_one: bool) -> tuple[list[Drawn], list[str
             else:
                 mine.state(text)
     return pieces, loose
+
+
+def _without_inner_lines(lines: Sequence[Floats]) -> list[Floats]:
+    """The lines without open ones that lie within a closed one, or along it: folds and grains, on the outline's layer.
+
+    Joined end to end, as outlines are that are drawn line by line, those of several pieces would be one more outline.
+    What a rectangle holds stays: that may be a sheet's frame.
+    """
+    if not all(np.isfinite(line).all() for line in lines):  # refused by its piece's name
+        return list(lines)
+    closed = [line for line in lines if is_closed(line) and not _is_rectangle(line)]
+    boxes = np.array([(line.min(axis=0), line.max(axis=0)) for line in closed]).reshape(-1, 2, 2)
+
+    def is_inner(line: Floats) -> bool:
+        near = NEXT_TO * np.ptp(boxes, axis=1).max(axis=1, initial=0.0)[:, None]
+        about = ((boxes[:, 0] - near <= line.min(axis=0)) & (line.max(axis=0) <= boxes[:, 1] + near)).all(axis=1)
+        return any(_runs_within(closed[k], line, float(near[k, 0])) for k in np.flatnonzero(about).tolist())
+
+    return [line for line in lines if is_closed(line) or not is_inner(line)]
+
+
+def _runs_within(outline: Floats, line: Floats, near: float) -> bool:
+    """Whether the middle of each side of a line is inside an outline, or has its inside next to it."""
+    step = np.diff(line, axis=0)
+    length = np.hypot(*step.T)
+    middle, step = (0.5 * (line[:-1] + line[1:]))[length > 0.0], step[length > 0.0] / length[length > 0.0, None]
+    aside = near * np.column_stack([-step[:, 1], step[:, 0]])
+    return bool((inside(outline, middle + aside) | inside(outline, middle - aside)).all())
 
 
 def _outlined(loops: Sequence[Floats], main: int) -> tuple[list[Drawn], list[Floats]]:

@@ -47,6 +47,7 @@ CUT_TIMES = (
     rf"(?<!\w)(\d{{1,2}})\s*(?:{TIMES}\b|adet\b|szt\b|sztuk)",
     r"(?<!\w)(\d{1,2})\s*(?:дет\b|детал|шт\b|枚|片)",
 )
+AND_MIRRORED = rf"\b(?:{TO_CUT})\s*:?\s*(\d{{1,2}})\s*[,+]\s*(\d{{1,2}})\b"  # "cut 1+1"
 LEFT_RIGHT = r"\bl\w{0,4}\s*[*×x=:]?\s*(\d{1,2})\b.{0,4}\br\w{0,5}\s*[*×x=:]?\s*(\d{1,2})\b"
 # A block's name with a number to cut and its place in the file, as some programs name blocks ("BACK YOKEX1-35")
 COUNTED_BLOCK = re.compile(r"^(.*\S)\s?X(\d{1,2})-(\d{1,4})$")
@@ -133,7 +134,7 @@ def _pair(count: int) -> tuple[int, int]:
 
 
 def _count(text: str) -> tuple[int, int] | None:
-    sides = re.search(LEFT_RIGHT, text)
+    sides = re.search(LEFT_RIGHT, text) or re.search(AND_MIRRORED, text)
     if sides is not None and int(sides[1]) + int(sides[2]) > 0:
         return int(sides[1]), int(sides[2])
     found = next((match for words in CUT_TIMES if (match := re.search(words, text))), None)

@@ -19,8 +19,8 @@ MITRE = 4.0  # allowances, that a corner may be cut back at most
 def chained(lines: Sequence[Floats]) -> list[Floats]:
     """Closed loops, each without its first point again, shape [n, 2]; lines [m, 2] are joined at their nearest ends."""
     lines = _distinct(lines)
-    loops = [line[:-1] for line in lines if len(line) > 3 and _closed(line)]
-    rest = [line for line in lines if len(line) > 1 and not _closed(line)][:MOST_LINES]
+    loops = [line[:-1] for line in lines if len(line) > 3 and is_closed(line)]
+    rest = [line for line in lines if len(line) > 1 and not is_closed(line)][:MOST_LINES]
     ends = np.array([(line[0], line[-1]) for line in rest]) if rest else np.zeros((0, 2, 2))
     free = np.ones(len(rest), dtype=bool)
     whole = float(np.ptp(np.concatenate(rest), axis=0).max()) if rest else 0.0
@@ -89,7 +89,8 @@ def _gap_of(loop: Floats, drawn: set[tuple[bytes, bytes]], starts: Floats, along
     return widest
 
 
-def _closed(line: Floats) -> bool:
+def is_closed(line: Floats) -> bool:
+    """Whether a line ends where it begins."""
     extent = float(np.ptp(line, axis=0).max())
     return float(np.hypot(*(line[0] - line[-1]))) <= 1e-6 * extent
 

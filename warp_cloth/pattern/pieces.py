@@ -32,6 +32,7 @@ from warp_cloth.pattern.specification import MOST_EDGES, SMALLEST, short
 SMOOTH = 4e-3  # [m] between points of a curve
 FOLD_NEAR = 2e-3  # [m]
 SMALL_HOLE = 0.02  # [m] across: buttonholes, eyelets and drills are left closed
+QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])  # turns +x to +y
 UPRIGHT = 0.05  # across over along the grain, of an edge that a text says is on the fold
 NOTCH_OFF = 2e-3  # [m] from a notch to a line that it is on
 ALIKE = 3e-3  # [m] to which corners of a symmetric piece agree
@@ -44,6 +45,7 @@ def pieces_of(
     allowance: float,
     table: GradeTable | None = None,
     undarted: Container[str] = (),
+    sideways: bool = False,
 ) -> tuple[tuple[Piece, ...], list[str]]:
     """All pieces of a drawing, in all sizes, and notes on the whole file.
 
@@ -53,6 +55,7 @@ def pieces_of(
         allowance: seam allowance [m] of pieces without a sew line.
         table: grade rules of the pieces.
         undarted: names of pieces whose inner lines show no darts.
+        sideways: the warp of pieces without a grain line is along x of the drawing, not y.
 
     Raises:
         InputError: a piece has no closed outline, or an impossible size.
@@ -77,7 +80,9 @@ def pieces_of(
         alike = [each for each in others if len(loops[each].points) == len(loop.points)]
         marked = next((each for each in alike if TURN in every[each].points), index)
         darted = name_of(drawn) not in undarted
-        pieces.append(_piece(file, drawn, loop, copies_of(drawn, texts), every[marked], loops[marked], metres, darted))
+        pieces.append(
+            _piece(file, drawn, loop, copies_of(drawn, texts), every[marked], loops[marked], metres, darted, sideways)
+        )
         abouts.append([texts.get(key) or texts.get(other, "") for key, other in ABOUT])
     by_names = sized_by_blocks(sized(pieces), [plain_text(drawn.block) for drawn in every])
     pieces, counted = numbered(by_names)
@@ -95,6 +100,7 @@ def _piece(
     there: SewnLine,
     metres: float,
     darted: bool,
+    sideways: bool,
 ) -> Piece:
     """A piece; ``sample``, with its loop, has the marks, where it has none itself; ``darted``: see ``pieces_of``."""
     name, size = name_of(drawn), size_of(drawn)
@@ -111,7 +117,7 @@ def _piece(
     edges = _edges(cut.outline, corners_of(cut.outline, marks, np.concatenate([loop.ends, cut.corners])))
     if len(edges) > MOST_EDGES:
         raise InputError(place, f"has {len(edges):,} corners; an outline has up to {MOST_EDGES:,}", "smooth it")
-    grain = _grain(lines, notes)
+    grain = _grain(lines, notes, sideways)
     edges = [edge.turned(grain, np.zeros(2)) for edge in edges]
     notches = notches @ grain.T
     darts = [turned(dart, grain, np.zeros(2)) for dart in cut.inner]
@@ -121,7 +127,7 @@ def _piece(
     mirror: tuple[int, ...] | None
     fold = _fold_of(edges, [line @ grain.T for line in lines.get(FOLD, [])] or _told_folds(drawn, edges))
     if fold is not None and cut.removed and not _follow(fold[2]):
-        plain = _piece(file, drawn, loop, copies, sample, there, metres, darted=False)
+        plain = _piece(file, drawn, loop, copies, sample, there, metres, False, sideways)
         left = f'piece "{short(name)}": a dart opens at its fold line, so its darts are left as they are drawn'
         return replace(plain, notes=(*plain.notes, left))
     if fold is not None:
@@ -183,14 +189,17 @@ def _edges(loop: Floats, corners: Sequence[int]) -> list[Chain]:
     return edges
 
 
-def _grain(lines: dict[int, list[Floats]], notes: list[str]) -> Floats:
-    """The rotation that turns the grain line to +y, shape [2, 2]; the longest line counts, others are its arrow."""
+def _grain(lines: dict[int, list[Floats]], notes: list[str], sideways: bool) -> Floats:
+    """The rotation that turns the grain line to +y, shape [2, 2]; the longest line counts, others are its arrow.
+
+    ``sideways``: without a grain line the warp is along x of the drawing.
+    """
     spans = [line[-1] - line[0] for line in lines.get(GRAIN, [])]
     way = max(spans, key=lambda span: float(np.hypot(*span)), default=np.zeros(2))
     length = float(np.hypot(*way))
     if length < SMALLEST:
-        notes.append("has no grain line: the warp is taken along y of the drawing")
-        return np.eye(2)
+        notes.append(f"has no grain line: the warp is taken along {'x' if sideways else 'y'} of the drawing")
+        return QUARTER if sideways else np.eye(2)
     x, y = way / length
     return np.array([[y, -x], [x, y]])
 
