@@ -128,3 +128,23 @@ def test_a_back_cut_straight_across_is_of_the_front_s_bodice(tmp_path: Path) -> 
     pieces = [front, back, *(replace(straight, name=f"{face} BOTTOM") for face in ("FRONT", "BACK"))]
     draft = read_drafted(write(tmp_path / "b.dxf", {"M": pieces}))
     assert [part.kind for part in draft.parts] == ["front", "back", "skirt_front", "skirt_back"]
+
+
+@pytest.mark.parametrize("name", ["ARMBAND", "ARMHOLE RIB", "Armlochbündchen", "BORD COTE EMMANCHURE"])
+def test_bands_go_round_armholes_without_sleeves(name: str, tmp_path: Path) -> None:
+    front, back = half_body("FRONT", 24.0, 60.0, 8.0, 14.0, 14.0), half_body("BACK", 24.0, 60.0, 8.0, 6.0, 14.0)
+    round_arm = length(front.edges[2]) + length(back.edges[2])
+    path = write(tmp_path / "a.dxf", {"M": [front, back, band(name, 0.9 * round_arm, 2.0, "2")]})
+    assert kinds(read_drafted(path)) == {"shoulder": 2, "side": 2, "cuff": 2, "cuff ends": 2}
+    assert boundary_loops(path, DraftOptions()) == 4
+    short = write(tmp_path / "b.dxf", {"M": [front, back, band("CUFF", 0.5 * round_arm, 6.0, "2")]})
+    assert kinds(read_drafted(short)) == {"shoulder": 2, "side": 2}  # of a sleeve that the file lacks
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("W/B", "waistband"), ("WSTBND", "waistband"), ("FRNT", "front"), ("SKRT FRT", "skirt_front"),
+     ("NECK TRIM", "collar"), ("BK NK FCG", "none"), ("BUTTON STAND", "none"), ("TIGHTS", "leg")],
+)  # fmt: skip
+def test_short_names_of_rooms(name: str, kind: str) -> None:
+    assert named(name).kind == kind

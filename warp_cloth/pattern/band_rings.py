@@ -8,11 +8,12 @@ from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.kinds import BOTH, HALF_SLEEVES, LEFT, RIGHT
 from warp_cloth.pattern.leg_yokes import leg_run
 from warp_cloth.pattern.neckline import neck_from_back, opens_in_front
-from warp_cloth.pattern.runs import parts_of_kind, run_of
+from warp_cloth.pattern.runs import face_run, faces_of, parts_of_kind, run_of
 from warp_cloth.pattern.sleeves import half_sleeves, sleeve_side, under_sleeve_of
 from warp_cloth.pattern.specification import Side
 
 UNSHAPED = 0.85  # waist over hem, of a skirt that is shaped by its gathers alone
+WITH_CUFFS = ("sleeve", *HALF_SLEEVES, "leg", "leg_front", "leg_back")
 LAPPED = 0.12  # relative, by which a skirt's fronts are wider than its back if they lap over each other
 
 
@@ -38,7 +39,9 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
             parts[leg].kind: leg for leg in parts_of_kind(parts, "leg_front", "leg_back") if parts[leg].side == side
         }
         runs = [run_of(leg, parts[leg].roles.get("hem", ()), True) for leg in legs.values()]
-        return tuple(each for run in runs for each in run) if len(runs) == 2 else ()
+        if len(runs) == 2:
+            return tuple(each for run in runs for each in run)
+        return _armhole(parts, side) if is_round_armhole(parts, band) else ()
     gores = parts_of_kind(parts, "gore")
     if kind == "hem_band":
         if gores:
@@ -54,6 +57,20 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
         return tuple(side for gore in gores for side in run_of(gore, parts[gore].roles.get("waist", ()), True))
     legs_or_skirt = around(parts, ("leg_front", "skirt_front"), ("leg_back", "skirt_back"), "waist", False)
     return legs_or_skirt or around(parts, ("front",), ("back",), "hem", True)
+
+
+def is_round_armhole(parts: Sequence[Part], band: int) -> bool:
+    """Whether a cuff can only go round an armhole: nothing that has an end for it is there."""
+    return parts[band].kind == "cuff" and not parts_of_kind(parts, *WITH_CUFFS)
+
+
+def _armhole(parts: Sequence[Part], side: int) -> tuple[Side, ...]:
+    """The edges of the armhole on a side, against their direction, from the underarm on."""
+    found = [
+        [run for face in faces_of(parts, kind) if (run := face_run(parts, face, "armhole", side, True))]
+        for kind in (("back", "front") if side == LEFT else ("front", "back"))
+    ]
+    return (*found[0][0], *found[1][0]) if all(len(runs) == 1 for runs in found) else ()
 
 
 def is_left_open(parts: Sequence[Part]) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Sequence, Set
 import numpy as np
 
 from warp_cloth.base.curves import arc_lengths
+from warp_cloth.pattern.band_rings import is_round_armhole
 from warp_cloth.pattern.collars import FALL, STAND
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.draft import Part
@@ -189,11 +190,13 @@ def _cuff(
     part = parts[index]
     side = part.side or (RIGHT if part.twin is not None and part.twin < index else LEFT)
     sleeves = [each for each in parts if each.kind in SLEEVES]
-    curve = (figure.arms if sleeves else figure.legs)[1 if side == LEFT else 0]
+    at_armhole = is_round_armhole(parts, index)
+    curve = (figure.arms if sleeves or at_armhole else figure.legs)[1 if side == LEFT else 0]
     width = float(levels[1] - levels[0])
     share = shortened(parts, figure) if sleeves else 1.0
     reach = float(arc_lengths(curve)[-1]) - BESIDE_FOOT - width
     long = share * max(underarm(each) - float(each.shape.box[0][1]) for each in sleeves) if sleeves else reach
+    long = 0.0 if at_armhole else long
     origin, toward = along_limb(curve, np.array([long + share * width, long]) + FROM_ARMPIT)
     across, outward = around_arm(toward, top_of_arm(figure, side))
     return Wrap(along, levels, centre, np.full(2, bend), origin + outward / bend, across, outward)

@@ -12,7 +12,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from warp_cloth.pattern.band_rings import are_unshaped_skirts, around, opens_between_fronts, ring_of, skirt_fronts_cross
+from warp_cloth.pattern.band_rings import (
+    are_unshaped_skirts,
+    around,
+    is_round_armhole,
+    opens_between_fronts,
+    ring_of,
+    skirt_fronts_cross,
+)
 from warp_cloth.pattern.bands_in_two import proposed_halves
 from warp_cloth.pattern.collars import proposed_collars
 from warp_cloth.pattern.draft import Part
@@ -47,6 +54,7 @@ LEG_EASE = (-0.03, 0.03)
 SKIRT_FRONT_CENTRE = LEGGED_CENTRE = 0.9
 PRINCESS_EASE = (-0.04, 0.02)  # a side panel is eased over the bust
 BAND_EASE = (-0.4, 0.04)  # a band gathers what it goes round, or stretches
+ARMHOLE_EASE = (-0.25, 0.04)  # of a band round an armhole, which a cuff that has lost its sleeve is too short for
 GATHERED_WAIST_EASE = (-0.02, 1.0)  # of a skirt to a bodice
 # Of skirts as wide at the waist as at the hem, gathered to a third; how sure gathers are
 FULL_BAND_EASE, FULL_WAIST_EASE, FULL_SURE = (-0.68, 0.04), (-0.02, 2.1), 0.9
@@ -310,7 +318,7 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
         ring = ring_of(parts, band)
         if not ring:
             continue
-        ease = BAND_EASE
+        ease = ARMHOLE_EASE if is_round_armhole(parts, band) else BAND_EASE
         if part.kind == "waistband" and are_unshaped_skirts(parts, ring):
             is_full = length_of(parts, run_of(band, part.roles["long"])) < (1.0 + ease[0]) * length_of(parts, ring)
             ease, sure = (FULL_BAND_EASE, sure * FULL_SURE) if is_full else (ease, sure)

@@ -18,7 +18,9 @@ WORDS = (
         r"|biais|\bpattes?\b|bolsi?l?lo|\bbolso|\bvista\b|forro|entretela|tapeta|trabilla|bragueta|carcela"
         r"|\bvies\b|solapa de bols|tasca|fodera|\bpassante|paramontura|ripiego|\bpatta\b|taschino|sbieco"
         r"|\w +elastics? *$|elastic (guide|template|tape)|^ *elasti(co|que)s? |gummi(band)?\b"  # no band of such cloth
-        r"|\bpatch(es)?\b|draw ?(string|cord)|kordel\b|tunnelzug|cordoncillo|抽绳|补丁"
+        r"|\bpatch(es)?\b|draw ?(string|cord)"
+        r"|button ?(stand|band)|zip(per)? ?(guard|shield)|\bfcg\b"
+        r"|kordel\b|tunnelzug|cordoncillo|抽绳|补丁"
         r"|kiesze|podszew|obloz|kapsa|podsivk|karman|podklad|\bобтачк|подборт|підборт|кишен|карман|подклад|клапан|шлевк|шлівк|підклад|дублер|\bcep\b"
         r"|cebi|astar|\bpervaz|\blomme|\bficka|tasku|vuori|tuki\b|lisake|kou ?dai|dou ?bu|li ?bu|gua ?mian|袋"
         r"|里布|里料|贴边|挂面|衬|门襟|ポケット|見返し|裏地|주머니|안감|zseb|belebujt|\bbeles|buzunar|captuseal",
@@ -38,7 +40,7 @@ WORDS = (
     ),
     (
         "cuff",
-        r"cuff|\bcff\b|(sleeve|\barm|wrist)[ _-]*(hem[ _-]*)?(band|rib)\b"
+        r"cuff|\bcff\b|(sleeve|\barm(hole|scye)?|wrist)[ _-]*(hem[ _-]*)?(band|rib)\b|armlochb(ue|u)ndchen"
         r"|\bb(ue|u)ndchen\b|a(e|)rmelb(ue|u)ndchen|manschette|manchet|(?<!hals)boord\b|poignet|\bpun(h)?o"
         r"|fondo gamba|(jiao|ku) ?kou|脚口|裤口|\bbas de (manche|jambe)"
         r"|polsin|\bpolso|mankiet|manzet|манжет|\bmanset|linning|\bmudd\b|kalvosin|xiu ?kou|\bke ?fu|袖口"
@@ -51,13 +53,13 @@ WORDS = (
     ),
     (
         "waistband",
-        r"waist[ _-]*(band|rib)|\bwb\b|hosenbund|rockbund|\bbund\b|formbund|tailleband|ceinture|cintur"
-        r"|pretina|\bcos\b|pasek|pas do spodni|pasove|пояс|\bpoyas|\bkemer|linning(en)? i livet"
+        r"wai?st[ _-]*(band|bnd|rib)|\bwst ?bn?d\b|\bw ?b\b|hosenbund|rockbund|\bbund\b|formbund|tailleband|ceinture"
+        r"|cintur|pretina|\bcos\b|pasek|pas do spodni|pasove|пояс|\bpoyas|\bkemer|linning(en)? i livet"
         r"|midjelinning|vyotaro|yao ?tou|腰头|腰頭|腰带|ベルト|허리|derekpant|ovpant|\bbetelie",
     ),
     (
         "collar",
-        r"collar|\bcoll?\b|\bcl?lr\b|\bstand\b|neck[ _-]*(band|rib|bind|line)|rib[ _-]*neck|kragen|\bsteg\b"
+        r"collar|\bcoll?\b|\bcl?lr\b|\bstand\b|neck[ _-]*(band|rib|bind|line|trim)|rib[ _-]*neck|kragen|\bsteg\b"
         r"|halsb(ue|u)ndchen|halsb|kraag|halsboord|\bcol\b|pied de col|encolure|bord[ _-]*cote|cuello|\bgola"
         r"|collarin|colletto|\bcollo\b"
         r"|listino|kolnierz|limec|vorotnik|воротник|\bбейк|комір|стойка|\byaka\b|\bkrage|\bkrave|kaulus"
@@ -81,18 +83,18 @@ WORDS = (
     ),
     (
         "leg",
-        r"\b[lr]?leg|pants?\b|\btrs\b|\bpnt\b|trouser|jean|hosen?\b|hosen|\bhose|shorts?\b|legging|pantal|broek|jambe|pernera"
+        r"\b[lr]?leg|pants?\b|\btrs\b|\bpnt\b|trouser|\btights\b|\bbeine?\b|jean|hosen?\b|hosen|\bhose|shorts?\b|legging|pantal|broek|jambe|pernera"
         r"|gamba|calca\b|calcas|nogawk|\bspodnie?\b|kalhot|nohavic|bryuk|brjuk|брюк|полов\w* брюк|pantolon"
         r"|\bpaca\b|byxor|buks|housut|lahje|\bku(zi|pian)?\b|(qian|hou) ?ku|\bchang ?ku|裤|褲|パンツ|바지|\bnadrag",
     ),
     (
         "skirt",
-        r"skirt|\bskt\b|peplum|scho(e|)sschen|\bgores?\b|rock\b|rockbahn|\bbahn(en)?\b|\brock|\brok\b|jupe|falda|\bsaia|gonna|spodnic|sukne|yubk|юбк|\betek|kjol|nederdel"
+        r"skirt|\bskr?t\b|peplum|scho(e|)sschen|\bgores?\b|rock\b|rockbahn|\bbahn(en)?\b|\brock|\brok\b|jupe|falda|\bsaia|gonna|spodnic|sukne|yubk|юбк|\betek|kjol|nederdel"
         r"|hame\b|qun|裙|スカート|치마|szoknya|\bfusta",
     ),
     (
         "front",
-        r"front|\bftorso|\bfrt?\b|\bf\b|vord|\bvorn|\bvt\b|voorpand|\bvoor|devant|\bavant|delanter|\bfrente|davanti"
+        r"front|\bftorso|\bfrn?t?\b|\bf\b|vord|\bvorn|\bvt\b|voorpand|\bvoor|devant|\bavant|delanter|\bfrente|davanti"
         r"|\bdavant|przod|predni|\bpered|полочк|пілочк|перед|\bpolochk|\bon (beden|parca|govde|pantolon|etek|ust)"
         r"|framsty|framst|\bfram\b|forstyk|etukap|\betu|\bqian|前|\bmae|앞|than truoc|\belejer?|\bfata\b",
     ),
@@ -107,7 +109,10 @@ WORDS = (
 RIB = r"ribana|lastigi|b(ue|u)ndchen|bord[ _-]*cotes?\b|\bcostin|\bcanale\b|\bbord(o|ino)\b|罗纹"
 RIBBED = (
     ("collar", r"neck|hals|ausschnitt|encolure|\bcol\b|cuello|escote|\bcollo|colletto|scollo|\byaka|dekolt|领|領|衿"),
-    ("cuff", r"sleeve|wrist|cuff|ankle|\barm|a(e|)rmel|manche|poignet|manga|puno|manica|polso|\bkol\b|rekaw|袖"),
+    (
+        "cuff",
+        r"sleeve|wrist|cuff|ankle|\barm|a(e|)rmel|emmanchure|\bsisa|manche|poignet|manga|puno|manica|polso|\bkol\b|rekaw|袖",
+    ),
     ("cuff", r"\bleg\b|\bbein|jambe|pernera|pierna|gamba|\bpaca\b|nogawk|裤口|脚口|裤脚"),
     ("waistband", r"waist|\bbund\b|taille|cintura|\bvita\b|\bbel\b|\bpas\b|腰"),
     ("hem_band", r"\bhem\b|bottom|\bbtm\b|saum|\bbas\b|ourlet|\bbajo|fondo|\betek\b|\bdol\b|下摆"),
