@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from dxf_everyday import EVERYDAY
-from dxf_patterns import Drafted, Style, band, bezier, line, tshirt, write
+from dxf_patterns import Drafted, Style, band, bezier, line, trousers, tshirt, write
 from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
@@ -130,3 +131,10 @@ def test_straps_of_a_level_top_before_and_behind_are_asked_for(tmp_path: Path) -
 )
 def test_straps_are_known_in_other_languages(name: str) -> None:
     assert named(name).kind == "strap"
+
+
+def test_trousers_with_straps_stay_trousers(tmp_path: Path) -> None:
+    front, back, _ = trousers()
+    pieces = [replace(front, name="FRONT"), replace(back, name="BACK"), band("STRAP", 30.0, 4.0, "2")]
+    found = kinds(read_drafted(write(tmp_path / "a.dxf", {"M": pieces})))
+    assert found == {"outseam": 2, "inseam": 2, "front crotch": 1, "back crotch": 1}

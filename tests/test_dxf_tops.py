@@ -148,3 +148,15 @@ def test_bands_go_round_armholes_without_sleeves(name: str, tmp_path: Path) -> N
 )  # fmt: skip
 def test_short_names_of_rooms(name: str, kind: str) -> None:
     assert named(name).kind == kind
+
+
+@pytest.mark.parametrize("depth", [16.0, 24.0])
+def test_a_deep_pointed_neckline_is_no_dart(depth: float, tmp_path: Path) -> None:
+    pieces = []
+    for name, deep in (("FRONT", depth), ("BACK", 2.5)):
+        piece = half_body(name, 25.0, 60.0, 7.0, deep, 19.0)
+        if name == "FRONT":
+            piece.edges[4] = line(piece.edges[4][0], piece.edges[4][-1])
+        pieces.append(piece)
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": pieces}))
+    assert kinds(draft) == {"shoulder": 2, "side": 2}

@@ -18,6 +18,7 @@ STRAIGHT = 0.03  # of the chord, that a straight edge bows at most
 BENT = np.radians(40.0)  # turn of a corner at which another edge begins
 DART = np.radians(110.0)  # how far the outline turns back at a dart's tip
 DART_ALIKE = 0.05  # relative difference of a dart's legs
+WIDEST_DART = 0.11  # [m] between their ends; what opens wider is a pointed neckline
 STRIP, NAMED_STRIP = 2.5, 1.15  # length over width; of a straight piece that its name makes a band, as a deep cuff
 STEEP = 0.75  # |dy| of an underarm edge, per length
 BOWED_END = 0.08  # of the chord, that the top of a sleeve bows, and its hem does not
@@ -52,7 +53,8 @@ class Shape:
         for k in range(count):
             one, other = self.edges[k], self.edges[(k + 1) % count]
             alike = abs(one.length - other.length) <= DART_ALIKE * max(one.length, other.length)
-            if count > 4 and alike and self.turn_after(k) < -DART:
+            is_narrow = float(np.hypot(*(other.end - one.start))) <= WIDEST_DART
+            if count > 4 and alike and is_narrow and self.turn_after(k) < -DART:
                 found.append((k, (k + 1) % count))
         return tuple(found)
 

@@ -30,7 +30,7 @@ class Top:
 
 
 def top_of(kinds: Set[str], pieces: Sequence[Piece]) -> Top:
-    has_top = not kinds.isdisjoint(TOPS) or ("strap" in kinds and not any(kind.startswith(LOWER) for kind in kinds))
+    has_top = not kinds.isdisjoint(TOPS) or _hangs_from_straps(kinds, pieces)
     whole = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is not None]
     has_bodice = any(concave_count(Shape(each.edges, upright(each.edges, "front"))) >= 2 for each in whole)
     halves = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is None]
@@ -45,6 +45,13 @@ def top_of(kinds: Set[str], pieces: Sequence[Piece]) -> Top:
     briefs = None if is_one or "strap" in kinds else _briefs_sure(pieces)
     has_bodice, has_half_bodice = has_bodice and briefs is None, has_half_bodice and briefs is None
     return Top(is_one, frozenset(faces), has_bodice, has_half_bodice, lone, briefs, skirts == ["skirt"])
+
+
+def _hangs_from_straps(kinds: Set[str], pieces: Sequence[Piece]) -> bool:
+    """Whether straps are of a top: of whole fronts and backs, which legs are not, with nothing for a lower body."""
+    faces = [piece for piece in pieces if piece.what.kind in ("front", "back")]
+    is_whole = all(piece.mirror is not None for piece in faces)
+    return "strap" in kinds and is_whole and not any(kind.startswith(LOWER) for kind in kinds)
 
 
 def _briefs_sure(pieces: Sequence[Piece]) -> float | None:
