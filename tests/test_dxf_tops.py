@@ -160,3 +160,13 @@ def test_a_deep_pointed_neckline_is_no_dart(depth: float, tmp_path: Path) -> Non
         pieces.append(piece)
     draft = read_drafted(write(tmp_path / "a.dxf", {"M": pieces}))
     assert kinds(draft) == {"shoulder": 2, "side": 2}
+
+
+def test_a_symmetric_piece_that_is_read_unevenly_is_not_sewn(tmp_path: Path) -> None:
+    """A poncho's slanting tops were a waist on one side, and a side on the other: one side of it was closed."""
+    pieces = []
+    for name, depth in (("FRONT", 8.0), ("BACK", 2.0)):
+        path = [(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (8.0, 55.0), (0.0, 55.0 - depth)]
+        edges = [line(a, b) for a, b in zip(path, [*path[1:], path[0]], strict=True)]
+        pieces.append(Drafted(name, edges, "1", (path[-1], path[0])))
+    assert not kinds(read_drafted(write(tmp_path / "a.dxf", {"M": pieces})))

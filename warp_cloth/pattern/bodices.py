@@ -9,6 +9,7 @@ import numpy as np
 from warp_cloth.pattern.roles import BENT, Roles, Shape, ends_of
 
 SLEEVE_OUT = 0.05  # [m] that the underarm of a sleeve cut in one with a bodice runs outwards at least
+AS_HIGH = 1e-3  # [m]
 RAGLAN = 0.1  # [m] that an edge to the neck rises which is no shoulder
 POINTED, POINT_UP_TO = 0.5, 0.25  # |dx| over |dy| of an edge up from a pointed hem, and of the height, how far up
 
@@ -31,7 +32,8 @@ def bodice_roles(shape: Shape, whole: bool, side_roles: Callable[[Shape, Sequenc
             mine = np.flatnonzero(side * (starts[:, 0] - middle) > 0.02 * (high[0] - low[0]))
             if not len(mine):
                 return roles
-            tips.append(int(mine[starts[mine, 1].argmax()]))
+            highest = mine[starts[mine, 1] > starts[mine, 1].max() - AS_HIGH]
+            tips.append(int(highest[np.abs(starts[highest, 0] - middle).argmin()]))  # of a level shoulder its inner end
         roles["neck"] = shape.run(tips[0], tips[1])
         roles |= side_roles(shape, shape.run(hem_end, tips[0]), "+")
         roles |= side_roles(shape, shape.run(tips[1], hem_first)[::-1], "-")

@@ -44,6 +44,7 @@ UPWARDS = np.array([0.0, 1.0])
 ASLANT = 0.05  # across the grain, of the way up of a quarter of a ring
 FEWEST_GORES = 3  # of one piece, all round
 BY_SHAPE = 0.85  # how sure it is of what no name tells
+MISREAD = 0.7  # factor on how sure a symmetric piece is whose roles are not symmetric
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,7 +289,16 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: Top) -> Par
         roles = ring.roles
     elif kind in SKIRTS and mirror is None:
         roles = half_skirt_roles(shape) or roles
+    if mirror is not None and not _are_mirrored(roles, mirror):
+        part = replace(part, sure=MISREAD * sure)
     return replace(part, roles=roles, side=side or side_of(kind, shape, roles, mirror is not None))
+
+
+def _are_mirrored(roles: Roles, mirror: Sequence[int]) -> bool:
+    """Whether what the two sides of a symmetric piece are agrees, as it does where its shape is read rightly."""
+    sides = {role[:-1] for role in roles if role[-1] in "+-"}
+    pairs = [({mirror[k] for k in roles.get(f"{role}+", ())}, {*roles.get(f"{role}-", ())}) for role in sides]
+    return all(one == other for one, other in pairs)
 
 
 def _is_cut_all_round(piece: Piece, said: Stated, top: Top) -> bool:
