@@ -42,7 +42,8 @@ def test_what_a_hand_holds_is_no_floor(body: Mesh) -> None:
     """A bag was taken for the floor, since one of its sides is flat and large."""
     skeleton = sure_skeleton(body)
     hand = skeleton.curves[LEFT_ARM][-3]
-    bag, sides = box(hand - [0.04, 0.35, 0.22], hand + [0.04, 0.02, 0.22])
+    low, high = np.array([0.04, 0.35, 0.22]), np.array([0.04, 0.02, 0.22])
+    bag, sides = box(hand - low, hand + high)
     faces = np.concatenate([body.triangles, sides + body.vertex_count]).astype(np.int32)
     found = understand(Mesh("scan", *wrapped(np.vstack([body.points, bag]), faces)))
     assert found.skeleton is not None
