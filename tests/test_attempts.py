@@ -408,6 +408,26 @@ def test_what_is_locked_as_it_was_modelled_is_not_sewn_round_a_posed_or_thinned_
     assert next_attempt(history[:1], outfit).posed
 
 
+def test_only_what_a_posed_body_may_mend_ends_where_it_is_not_worn_rightly() -> None:
+    assert first("tshirt", *SMALL_SHIRT).ends_misworn
+    assert not first("tshirt", *SMALL_SHIRT, "solver.start=placed").ends_misworn
+    assert not first("tshirt", *SMALL_SHIRT, "solver.iterations=9000").ends_misworn
+    assert not first("sphere", *DRAPED).ends_misworn
+
+
+@pytest.mark.parametrize("wrong", [{"misplaced": True}, {"slipped": True}, {"sunk": True}])
+def test_what_ended_as_it_was_not_worn_rightly_is_posed_and_else_goes_on_to_its_end(wrong: dict[str, Any]) -> None:
+    """So that what no other start mends is told as it would lie in the end."""
+    sewn = first("tshirt", *SMALL_SHIRT)
+    history = [Ended(sewn, LIMIT, 0, VERTICES, cut_short=CutShort.MISWORN, **wrong)]
+    assert following(*history).posed
+    assert following(*history, Ended(following(*history), REST, 0, VERTICES)) is None
+    while (attempt := following(*history)) is not None:
+        history.append(Ended(attempt, LIMIT, 1, VERTICES, torn=3))
+    (resumed,) = [each.attempt for each in history if each.attempt.begins_after == 0]
+    assert (resumed.touches, resumed.ends_misworn) == (True, False)
+
+
 def test_a_posed_attempt_that_none_can_follow_goes_on_longer() -> None:
     sewn, levels = skirt()
     failed = Ended(sewn, LIMIT, 0, VERTICES), Ended(levels, REST, 0, VERTICES, torn=5)

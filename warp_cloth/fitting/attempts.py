@@ -211,9 +211,7 @@ def tried_further(
         (trials if run.attempt.trial and not run.ended.good else runs).append(run)
 
     def locked() -> bool:
-        """Whether a garment crosses itself too much as it was modelled."""
-        own = zip(first.modelled, outfit.meshes, strict=True)
-        return any(is_locked(crossings.pairs, mesh.vertex_count) for crossings, mesh in own)
+        return _is_locked(outfit, first.modelled)
 
     def after_trial() -> Iterator[tuple[Attempt, Outfit]]:
         dressed = dressed_after(first, cache) if second is None else None
@@ -281,9 +279,31 @@ def relax_problem(
         crosses=problem.crossing_items,
         astray=problem.is_astray,
         falls=problem.falling_items,
+        misworn=functools.partial(_is_misworn, problem),
         on_check=on_check,
         on_burst=on_burst,
     )
+
+
+def _is_misworn(problem: Problem) -> bool:
+    """Whether a lone scene's cloth is off a shoulder or the waist now, or through a limb, as a posed start may mend."""
+    problem.relaxation.update_model()
+    model, outfit, points = problem.model, problem.loaded[0], problem.model.points()
+    if not np.isfinite(points).all():
+        return False
+    placement = LimbPlacement.of(outfit, points)
+    if not (placement.is_astray or placement.sunk or placement.slipped):
+        exact = exact_colliders(problem.avatar_surfaces(), model.device)
+        (overlap,) = avatar_overlaps(problem.outfits, [points], [edge_strains(model)], exact)
+        if overlap is None or not len(overlap.edges):
+            return False
+    return not _is_locked(outfit, modelled_crossings(outfit, model.device))
+
+
+def _is_locked(outfit: Outfit, modelled: Sequence[GarmentCrossings]) -> bool:
+    """Whether a garment crosses itself in its file too much for a posed body to part it."""
+    own = zip(modelled, outfit.meshes, strict=True)
+    return any(is_locked(crossings.pairs, mesh.vertex_count) for crossings, mesh in own)
 
 
 def relax_alone(problem: Problem) -> Outcome:

@@ -127,6 +127,7 @@ class Problem:
                 ends_crossing=attempt.ends_crossing,
                 sews=attempt.trial and not attempt.starts_dressed,
                 turn_after=attempt.turn_after,
+                ends_misworn=attempt.ends_misworn,
             )
             for attempt in self.attempts
         ]

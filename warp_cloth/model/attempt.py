@@ -31,6 +31,7 @@ class CutShort(Enum):
     CROSSING = "crossing"
     SLOW = "slow"
     FALLING = "falling"  # past all that could catch it
+    MISWORN = "misworn"  # off a shoulder or the waist, or through a limb
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,7 @@ class Attempt:
     thins: bool = False  # whether the avatar is thinned within what it begins after, which is untangled there
     lifted: bool = False  # whether a posed start moves what is sewn to where it started at once, not pulled on
     trial: bool = False  # whether it sews without contact; unless it ends well, the others begin as if it had not been
+    ends_misworn: bool = False  # whether it ends where cloth is not worn as it should be once it has mostly come down
 
     @property
     def touches(self) -> bool:

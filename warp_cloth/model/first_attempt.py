@@ -44,9 +44,11 @@ def first_attempt(scene: Scene, outfit: Outfit, *, may_pose: bool = True) -> Att
     touches, why = _first_contact(scene, outfit)
     stated = scene.solver.method
     method = "accelerated" if stated == "auto" else stated
-    return decided_attempt(
+    attempt = decided_attempt(
         scene, method, touches, why, "its iterations are the cheapest", None, last=not may_have_levels(scene)
     )
+    is_open = touches and attempt.turn_after is not None and may_pose and may_be_posed(scene, outfit)
+    return replace(attempt, ends_misworn=is_open)
 
 
 def trial_attempt(usual: Attempt, outfit: Outfit) -> Attempt | None:

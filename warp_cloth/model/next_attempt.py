@@ -84,6 +84,7 @@ def next_attempt(history: Sequence[Ended], outfit: Outfit, *, locked: bool = Fal
         or _last_resort(history, outfit)
         or _thinned(history, outfit, locked, torn=True)
         or _padded_at_last(history)
+        or _resumed(history)
     )
 
 
@@ -370,6 +371,14 @@ def _padded_at_last(history: Sequence[Ended]) -> Attempt | None:
     may_pad = _may_pad(best.attempt.stated) and paddings < MOST_PADDINGS
     is_over = any(each.attempt.begins_after == number and each.attempt.paddings > paddings for each in history)
     return _padded(best, number) if rests and best.shown and may_pad and not is_over else None
+
+
+def _resumed(history: Sequence[Ended]) -> Attempt | None:
+    """What ended as it was not worn as it should be, to its end, where no other start has come to rest apart."""
+    misworn = [n for n, each in enumerate(history) if each.cut_short is CutShort.MISWORN]
+    if not misworn or any(each.rests_apart or each.attempt.begins_after == misworn[0] for each in history):
+        return None
+    return replace(history[misworn[0]].attempt, begins_after=misworn[0], ends_misworn=False)
 
 
 def _with_paddings(attempt: Attempt, paddings: int) -> Attempt:

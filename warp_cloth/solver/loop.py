@@ -35,6 +35,7 @@ Follow = Callable[[Sequence[int], Boxes], dict[int, Collider]]
 Crosses = Callable[[Sequence[int]], Sequence[int]]  # which of some items' cloth passes through cloth now
 Falls = Callable[[Sequence[int]], Sequence[int]]  # of which of some items cloth falls that nothing can catch
 Astray = Callable[[], bool]  # whether a limb of the only item's avatar is outside its opening now, or within the cloth
+Misworn = Callable[[], bool]  # whether the only item is not worn now as it should be, and another start may mend it
 BURST = 20  # iterations in a captured graph: enough to hide a launch, few enough to follow a fall
 BURSTS_PER_CHECK = 5  # the certificate costs about two iterations
 FALL = 0.01  # [m]; the boxes of cloth that moved further since the last check are measured after every burst
@@ -71,6 +72,7 @@ def relax_items(
     crosses: Crosses | None = None,
     astray: Astray | None = None,
     falls: Falls | None = None,
+    misworn: Misworn | None = None,
     on_check: Callable[[Measurement, float], None] | None = None,
     on_burst: Callable[[int, Relaxation], None] | None = None,
     ahead: bool | None = None,
@@ -92,12 +94,13 @@ def relax_items(
         crosses: tells which items' cloth passes through cloth, for goals that end there.
         astray: tells whether the cloth of a scene with contact is wound round a limb, where it stays tangled.
         falls: tells which items' cloth falls where nothing can catch it, asked where it comes down.
+        misworn: tells whether the only item is worn otherwise than it should be, for a goal that ends there.
         on_check: called with every measurement of all items, and the seconds so far.
         on_burst: called after every burst with its last iteration; positions are those of the last update_model.
         ahead: whether iterations run while a check is read; None: if that saves time. Must be off if more iterations
             follow the end: displacements and stiffness bounds are not restored.
     """
-    return _Loop(certifier, goals, follow, schedule, crosses, astray, falls, on_check, ahead).run(on_burst)
+    return _Loop(certifier, goals, follow, schedule, crosses, astray, falls, misworn, on_check, ahead).run(on_burst)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +140,7 @@ class _Loop:
         crosses: Crosses | None,
         astray: Astray | None,
         falls: Falls | None,
+        misworn: Misworn | None,
         on_check: Callable[[Measurement, float], None] | None,
         ahead: bool | None,
     ) -> None:
@@ -156,6 +160,7 @@ class _Loop:
         self._crosses = crosses if any(goal.ends_crossing for goal in goals) else None
         self._astray = astray  # None once it has been asked
         self._falls = falls
+        self._misworn = misworn if len(goals) == 1 else None
         self._lowest: Floats | None = None  # of each item when it was last looked whether it falls [m], shape [items]
         self._began = time.perf_counter()
 
@@ -201,6 +206,8 @@ class _Loop:
         """Whether the next burst may begin before the pending measurement is read."""
         if not self._ahead or pending.ending or (self._crosses is not None and self._watched(pending.iteration)):
             return False
+        if self._looks_how_it_is_worn(pending.iteration):
+            return False
         if self._falls is not None and pending.iteration % FALL_CHECK == 0:
             return False
         return self._schedule is None or pending.measurement is None or not self._schedule.must_wait
@@ -208,6 +215,9 @@ class _Loop:
     def _watched(self, iteration: int) -> list[int]:
         """Active items that end here if they pass through themselves."""
         return [item for item in self._active if self._goals[item].looks_for_crossings(iteration)]
+
+    def _looks_how_it_is_worn(self, iteration: int) -> bool:
+        return self._misworn is not None and self._goals[0].looks_how_it_is_worn(iteration)
 
     def _burst(self, pending: _Pending, reported: bool) -> int:
         """Iterations until something may have to be done; ``reported``: every burst is."""
@@ -286,6 +296,8 @@ class _Loop:
             found |= dict.fromkeys(given_up, CutShort.CROSSING)
         found |= dict.fromkeys(self._turning(measured), CutShort.SLOW)
         found |= dict.fromkeys(self._falling_free(measured), CutShort.FALLING)
+        if self._misworn is not None and self._looks_how_it_is_worn(measured.iteration) and self._misworn():
+            found |= dict.fromkeys(self._active, CutShort.MISWORN)
         watched = [item for item in self._watched(measured.iteration) if measured.finite[item]]
         if self._crosses is not None and watched:
             found |= dict.fromkeys(self._crosses(watched), CutShort.CROSSING)
