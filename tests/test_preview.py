@@ -114,6 +114,17 @@ def test_two_garments_have_two_colours() -> None:
     assert rows[red(image)].mean() < rows[blue(image)].mean()  # the second hangs higher
 
 
+@pytest.mark.parametrize("facing", [1, 2, 3])
+def test_who_faces_another_way_is_seen_from_the_front(facing: int) -> None:
+    turn = np.linalg.matrix_power(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]), facing)
+    garment, avatar = worn(), box_avatar()
+    turned = replace(garment, points=garment.points @ turn.T)
+    wearer = replace(avatar, points=avatar.points @ turn.T)
+    seen, usual = pictured(turned, avatar=wearer, facing=facing), pictured(garment, avatar=avatar)
+    assert (blue(seen) != blue(usual)).mean() < 2e-3
+    assert (blue(pictured(turned, avatar=wearer)) != blue(usual)).mean() > 2e-2
+
+
 def test_cloth_is_seen_from_both_sides_the_inside_darker() -> None:
     dome = worn()
     assert winds_outward(dome.points, dome.mesh.triangles)

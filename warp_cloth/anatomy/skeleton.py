@@ -84,6 +84,13 @@ class Skeleton:
         return middle
 
     @property
+    def facing(self) -> int:
+        """Quarter turns about y from +z to the front; 0 of who lies."""
+        if abs(self.forward[1]) > 0.7:
+            return 0
+        return round(float(np.arctan2(self.forward[0], self.forward[2])) / (0.5 * np.pi)) % 4
+
+    @property
     def shoulders(self) -> Points:
         """The middle between the arms, within the trunk [m], shape [3]."""
         shoulders: Points = self.spine[-ENDS]

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from warp_cloth.anatomy.stored_body import stored_skeleton
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.batch.jobs import Item
@@ -72,10 +73,10 @@ def write_cards(path: Path, title: str, cards: Sequence[Card]) -> None:
         place.write_text(template.render(title=title, cards=cards), encoding="utf-8")
 
 
-def thumbnail(garments: Sequence[WornGarment], avatar: Mesh | None) -> str:
-    """A small picture as a data URL; empty of a shape that is not finite."""
+def thumbnail(garments: Sequence[WornGarment], avatar: Mesh | None, facing: int = 0) -> str:
+    """A small picture as a data URL; empty of a shape that is not finite; ``facing`` as for ``preview_image``."""
     try:
-        image = preview_image(garments=garments, avatar=avatar, size=SIZE)
+        image = preview_image(garments=garments, avatar=avatar, size=SIZE, facing=facing)
     except ValueError:
         return ""
     data = io.BytesIO()
@@ -117,15 +118,24 @@ class _Drawer:
     def __init__(self, folder: Path) -> None:
         self._folder, self._meshes = folder, MeshCache()
         self._packed: tuple[str, Mapping[str, Any]] = ("", {})  # the shard that was read last
+        self._facing: dict[Mesh, int] = {}  # of each avatar
 
     def picture(self, item: Item, file: str) -> str:
         """The item as a data URL; empty where its shape cannot be drawn."""
         try:
             scene = load_scene(item.source, item.changes)
             avatar = self._meshes.make(avatar_recipe(scene)[0]) if scene.avatar is not None else None
-            return thumbnail(self._garments(item.name, file), avatar)
+            return thumbnail(self._garments(item.name, file), avatar, self._facing_of(avatar))
         except (InputError, OSError):  # a file that is gone since
             return ""
+
+    def _facing_of(self, avatar: Mesh | None) -> int:
+        if avatar is None:
+            return 0
+        if avatar not in self._facing:
+            skeleton = stored_skeleton(avatar)
+            self._facing[avatar] = 0 if skeleton is None else skeleton.facing
+        return self._facing[avatar]
 
     def _garments(self, name: str, file: str) -> list[WornGarment]:
         if self._packed[0] != file:

@@ -86,7 +86,10 @@ class SizeFit:
         if self.fit is None:
             return Card(self.size, self.verdict.words, self.verdict.colour, "", self.message, "")
         verdict = self.verdict
-        picture, page = thumbnail(self.fit.garments, self.fit.avatar), f"{quote(self.size)}/report.html"
+        picture, page = (
+            thumbnail(self.fit.garments, self.fit.avatar, self.fit.facing),
+            f"{quote(self.size)}/report.html",
+        )
         return Card(self.size, verdict.words, verdict.colour, f"ease: {self.figures}", self.message, picture, page)
 
 

@@ -17,6 +17,7 @@ from warp_cloth.export.preview import (
     compose_picture,
     render_views,
     save_picture,
+    sides_of,
     text_height,
 )
 from warp_cloth.export.render import build_subject
@@ -42,6 +43,7 @@ class MapPictures:
         *,
         device: str = "cpu",
         size: tuple[int, int] = (1500, 900),
+        facing: int = 0,
     ) -> None:
         require_sound(garments, avatar)
         self._garments, self._size = garments, size
@@ -52,7 +54,7 @@ class MapPictures:
         self._subject = replace(build_subject(garments, avatar, device), low=low - margin, high=high + margin)
         gap = text_height(size)  # so that a limb cut off by the picture's edge does not touch the legend
         self._views_size = (size[0] - self._legend_width - gap, size[1])
-        self._layout = arrange_windows(self._subject.extent, self._views_size, 1)
+        self._layout = arrange_windows(self._subject.extent, self._views_size, 1, sides_of(facing))
         self._views = render_views(self._subject, self._layout)
 
     def write(self, path: Path, kind: MapKind, bounds: tuple[float, float], sentence: str = "") -> None:

@@ -24,7 +24,14 @@ def fit_html(fit: FitResult) -> str:
     text = "".join(f"<div>{line}</div>" for line in lines)
     try:
         shown = [problem for problem in fit.problems if not problem.code.is_note]
-        image = preview_image(garments=fit.garments, avatar=fit.avatar, device=fit.device, size=SIZE, problems=shown)
+        image = preview_image(
+            garments=fit.garments,
+            avatar=fit.avatar,
+            device=fit.device,
+            size=SIZE,
+            problems=shown,
+            facing=fit.facing,
+        )
     except ValueError:
         return text
     image.save(data, format="PNG")

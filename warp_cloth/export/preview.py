@@ -66,6 +66,12 @@ class Layout:
     pixel: float  # size of a pixel [m]
 
 
+def sides_of(facing: int) -> dict[str, Sequence[float]]:
+    """The sides of a wearer whose front is so many quarter turns about y from +z."""
+    turn = np.linalg.matrix_power(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]), facing)
+    return {name: (turn @ toward).tolist() for name, toward in SIDES.items()}
+
+
 def preview_image(
     *,
     garments: Sequence[WornGarment],
@@ -75,10 +81,12 @@ def preview_image(
     head: Head | None = None,
     problems: Sequence[FitProblem] = (),
     placed: bool = False,
+    facing: int = 0,
 ) -> Image.Image:
     """The picture, ``size`` wide and high [px], below its head, with marks where problems are.
 
-    ``placed``: whether the garments as placed before the fit stand next to them, in a scale of their own.
+    ``placed``: whether the garments as placed before the fit stand next to them, in a scale of their own. ``facing``:
+    where the wearer's front is, as for ``sides_of``.
 
     Raises:
         ValueError: a point is not finite.
@@ -90,12 +98,13 @@ def preview_image(
     image = Image.new("RGB", size)
     left = round(PLACED_WIDTH * size[0]) if placed else 0
     area = size[0] - left, size[1]
-    layout = arrange_windows(subject.extent, area, lines)
+    sides = sides_of(facing)
+    layout = arrange_windows(subject.extent, area, lines, sides)
     parts = [(subject, layout, area)]
     if placed:
         start = build_subject([replace(worn, points=worn.mesh.points) for worn in garments], avatar, device)
         area = left, size[1]
-        parts.append((start, arrange_windows(start.extent, area, lines, {"as placed": SIDES["front"]}), area))
+        parts.append((start, arrange_windows(start.extent, area, lines, {"as placed": sides["front"]}), area))
     for picture, place in zip(_pictures(parts), (left, 0), strict=False):
         image.paste(picture, (place, 0))
     if head is not None:

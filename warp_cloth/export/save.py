@@ -33,6 +33,7 @@ def write_preview(path: Path, fit: FitResult) -> None:
         problems=[problem for problem in fit.problems if not problem.code.is_note],
         size=PICTURE_SIZE,
         placed=True,
+        facing=fit.facing,
     )
     save_picture(image, path)
 
@@ -60,7 +61,7 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
     if fit.map_ranges:
         from warp_cloth.export.panel_map import PanelMaps  # and with it the package of patterns, which takes 0.04 s
 
-        drawer = MapPictures(fit.garments, fit.avatar, device=fit.device)
+        drawer = MapPictures(fit.garments, fit.avatar, device=fit.device, facing=fit.facing)
         flat = PanelMaps.of([fit.garments[index] for index in patterned(scene)])
         for name, bounds in fit.map_ranges.items():
             pictures[name] = folder / f"map_{name}.png"

@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from warp_cloth.export.lettering import font_for
 from warp_cloth.export.picture_head import INK, LEADING, Head, draw_head, wrapped
-from warp_cloth.export.preview import BACKGROUND, SIDES, arrange_windows, compose_picture, render_views, text_height
+from warp_cloth.export.preview import BACKGROUND, arrange_windows, compose_picture, render_views, sides_of, text_height
 from warp_cloth.export.render import build_subject
 from warp_cloth.model.result import FitResult
 from warp_cloth.report.shown import shown_ease, shown_verdict
@@ -44,7 +44,8 @@ def _column(size: str, fit: FitResult, is_recommended: bool) -> Image.Image:
     head = Head(f"{size}, recommended" if is_recommended else size, shown_verdict(fit.report), ease, "")
     height = text_height(COLUMN)
     subject = build_subject(fit.garments, fit.avatar, fit.device)
-    layout = arrange_windows(subject.extent, COLUMN, 1 + len(head.lines(height, COLUMN[0])), {"": SIDES["front"]})
+    front = {"": sides_of(fit.facing)["front"]}
+    layout = arrange_windows(subject.extent, COLUMN, 1 + len(head.lines(height, COLUMN[0])), front)
     image = compose_picture(subject, layout, render_views(subject, layout), COLUMN, "", "")
     draw_head(image, head, height, LEFT)
     return image

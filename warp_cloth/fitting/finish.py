@@ -78,7 +78,8 @@ def finish_fits(
         ended = outcome.status, report["worn"], problems, report["message"]
         made = garments, outfit.avatar, report, run.problem.model.device
         moves = None if film is None else film.avatar
-        results.append(FitResult(run.attempt.stated, *ended, *made, avatar_frames=moves))
+        facing = next((each.skeleton.facing for each in outfit.wearing if each is not None), 0)
+        results.append(FitResult(run.attempt.stated, *ended, *made, avatar_frames=moves, facing=facing))
     clock.lap("measure")
     return results
 

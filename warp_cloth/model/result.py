@@ -181,6 +181,7 @@ class FitResult:
     device: str
     maps: FitMaps | None = None  # None: no maps were requested
     avatar_frames: NDArray[np.float32] | None = None  # [m], shape [N, V, 3], with those of the garments; None: it stays
+    facing: int = 0  # quarter turns about y from +z to the wearer's front
 
     @property
     def map_ranges(self) -> dict[str, tuple[float, float]]:
