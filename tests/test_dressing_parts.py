@@ -268,7 +268,7 @@ def test_a_neckline_that_starts_behind_the_neck_is_moved_round_it() -> None:
     triangles = np.concatenate([np.stack([step, after, step + 24], 1), np.stack([after, after + 24, step + 24], 1)])
     leaning = np.array([[0.0, 1.3, 0.0], [0.0, 1.43, 0.07], [0.0, 1.5, 0.15], [0.0, 1.7, 0.15]])
     away = np.array([[5.0, 0.0, 0.0], [5.0, 1.0, 0.0]])
-    body = SimpleNamespace(up=np.array([0.0, 1.0, 0.0]), curves=[leaning, away, away, away, away], span=1.7)
+    body = SimpleNamespace(up=np.array([0.0, 1.0, 0.0]), curves=[leaning, away, away, away, away], span=1.7, lacks=())
     opening = SimpleNamespace(loop=step + 24)
     wearing = Wearing((opening,), ((HEAD,),), triangles, body, points, points)  # type: ignore[arg-type]
     assert wearing.pierced(points) == (HEAD,)
@@ -281,7 +281,7 @@ def test_a_neckline_that_starts_behind_the_neck_is_moved_round_it() -> None:
 @pytest.mark.parametrize(("along", "limbs"), [(0.395, ()), (0.305, (0,))])
 def test_a_face_that_a_fingertip_shows_through_does_not_run_through_the_arm(along: float, limbs: Limbs) -> None:
     arm = np.stack([np.linspace(0.0, 0.4, 41), np.zeros(41), np.zeros(41)], axis=1)
-    body: Any = SimpleNamespace(curves=[arm], span=1.7)
+    body: Any = SimpleNamespace(curves=[arm], span=1.7, lacks=())
     across = np.array([[along, -0.01, -0.01], [along, 0.02, -0.01], [along, 0.0, 0.02]])
     wearing = Wearing((), (), np.array([[0, 1, 2]]), body, across, across)
     assert wearing.pierced(across) == limbs
