@@ -47,7 +47,12 @@ CUT_TIMES = (
     rf"(?<!\w)(\d{{1,2}})\s*(?:{TIMES}\b|adet\b|szt\b|sztuk)",
     r"(?<!\w)(\d{1,2})\s*(?:дет\b|детал|шт\b|枚|片)",
 )
-AND_MIRRORED = rf"\b(?:{TO_CUT})\s*:?\s*(\d{{1,2}})\s*[,+]\s*(\d{{1,2}})\b"  # "cut 1+1"
+MEASURED = r"\s*(?:[.,/]\d|[\"'″′%]|[cm]m\b|in(?:ch(?:es)?)?\b)"  # what follows a number that is no count
+# "Cut 1+1 shell", "cut 1,1": not "cut 2, 1 cm seam allowance", nor "cut 4, 2 pairs"
+AND_MIRRORED = (
+    rf"\b(?:{TO_CUT})\s*:?\s*(\d{{1,2}})"
+    rf"(?:\+(?=\d+\b(?!{MEASURED}))|\s*[,+]\s*(?=\d+\b(?!{MEASURED}|\s*\w)))(\d{{1,2}})\b"
+)
 LEFT_RIGHT = r"\bl\w{0,4}\s*[*×x=:]?\s*(\d{1,2})\b.{0,4}\br\w{0,5}\s*[*×x=:]?\s*(\d{1,2})\b"
 # A block's name with a number to cut and its place in the file, as some programs name blocks ("BACK YOKEX1-35")
 COUNTED_BLOCK = re.compile(r"^(.*\S)\s?X(\d{1,2})-(\d{1,4})$")
