@@ -143,7 +143,7 @@ def poisoned(folder: Path) -> list[Item]:
         Item("no-mesh", "hanging", ("garment.mesh=none.obj",)),
         Item("garbage-mesh", "hanging", (f"garment.mesh={folder / 'garbage.obj'}",)),
         Item("empty-mesh", "hanging", (f"garment.mesh={folder / 'empty.obj'}",)),
-        Item("nan-mesh", "hanging", (f"garment.mesh={folder / 'nan.obj'}",)),
+        Item("nan-mesh", "hanging", ("garment.scale=2", f"garment.mesh={folder / 'nan.obj'}")),  # wrong in line 2
         Item("cut-mesh", "hanging", (f"garment.mesh={folder / 'cut.usdc'}",)),
         Item("no-fabric", "hanging", ("garment.fabric=cardboard",)),
         Item("bad-value", "hanging", ("solver.iterations=-1",)),
@@ -162,7 +162,7 @@ def test_bad_items_fail_with_their_reason_and_leave_the_others_alone(tmp_path: P
     assert all(row["status"] == "invalid" and row["message"] for row in failed.values())
     assert len({row["message"] for row in failed.values()}) == len(bad), "each says its own reason"
     assert all(found[name]["message"].startswith("column garment.mesh: ") for name in ("no-mesh", "nan-mesh"))
-    own = ["garment.mesh"]  # a column of the bad items' job
+    own = ["garment.mesh", "garment.scale"]  # columns of the bad items' job
     assert [{k: v for k, v in found[name].items() if k not in own} for name in alone] == list(alone.values())
 
 

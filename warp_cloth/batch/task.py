@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -203,9 +204,9 @@ def _in_columns(error: InputError, item: Item) -> str:
     if error.place.startswith(OVERRIDE):
         column = error.place.removeprefix(OVERRIDE).partition("=")[0]
         return str(InputError(f"column {column}", error.problem, error.remedy))
-    cells = [(column, cell) for column, cell in item.columns.items() if isinstance(cell, str) and cell]
-    place = f"{error.place}:"  # a file, with a line number where known
-    column = next((column for column, cell in cells if f"{cell}:" in place), "")
+    cells = [(name, cell) for name, cell in item.columns.items() if isinstance(cell, str) and cell]
+    # the end of a file's path, then a line number or a piece where known
+    column = next((name for name, cell in cells if re.search(rf"(?:^|[/\\]){re.escape(cell)}(?:$|:)", error.place)), "")
     return f"column {column}: {error}" if column else str(error)
 
 
