@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.mesh import face_normals
 from warp_cloth.loading.raw import Floats, Ints, counted
 from warp_cloth.loading.unique_rows import edges_of, unique_rows
 
@@ -101,62 +102,72 @@ def _flat_pairs(points: Floats, triangles: Ints, corners: Ints, texcoords: Float
 
     Only where the corners joined the other way make better faces, on the same side of the cloth and in the texture.
     """
-    sides = edges_of(triangles)
     heights, longest = _heights(points[triangles])
     is_flat = (heights < FLAT * longest) & (heights < SHORT)
     if texcoords is not None:  # where panels start, a seam's faces may be drawn out, which are none at rest
         there, along = _heights(texcoords[corners])
         is_flat &= there < FLAT * along
     flat = np.flatnonzero(is_flat)
-    flat = flat[np.argsort(heights[flat] / longest[flat], kind="stable")]
     if not len(flat):
         return np.zeros((0, 4), dtype=np.int64)
-    found = unique_rows(np.sort(sides, axis=1))
-    every = {(int(a), int(b)) for a, b in np.sort(sides, axis=1)[found.first]}
-    ends = points[sides]
-    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).reshape(-1, 3)
+    flat = flat[np.argsort(heights[flat] / longest[flat], kind="stable")]
+    sides = np.sort(edges_of(triangles), axis=1)
+    found = unique_rows(sides)
+    at = points[triangles[flat]]
+    here = 3 * flat + np.linalg.norm(np.roll(at, -1, axis=1) - at, axis=2).argmax(axis=1)
+    here = here[found.count[found.number[here]] == 2]
     order = np.argsort(found.number, kind="stable")
-    starts = np.cumsum(found.count) - found.count
-    pairs: list[tuple[int, int, int, int]] = []
+    first = (np.cumsum(found.count) - found.count)[found.number[here]]
+    across = order[first] + order[first + 1] - here
+    near, far = (_turned_to(triangles, each) for each in (here, across))
+    is_alike = near[:, 0] == far[:, 1]  # in winding
+    crossing = np.stack([near[:, 2], far[:, 2]], axis=1)
+    may = is_alike & ~_are_edges(crossing, sides[found.first]) & _may_join(points[near], points[far])
+    if texcoords is not None:
+        charts = [texcoords[_turned_to(corners, each)] for each in (here, across)]
+        is_seam = (charts[0][:, :2] != charts[1][:, 1::-1]).any(axis=(1, 2))
+        may &= ~is_seam & _may_join(*charts)
+    chosen: list[int] = []
     touched: set[int] = set()
-    for one in flat.tolist():
-        side = int(lengths[one].argmax())
-        edge = found.number[3 * one + side]
-        if found.count[edge] != 2:
-            continue
-        two = order[starts[edge] : starts[edge] + 2].tolist()
-        place = two[0] + two[1] - (3 * one + side)
-        other, across = place // 3, place % 3
-        a, b, c = (int(triangles[one, (side + shift) % 3]) for shift in range(3))
-        d = int(triangles[other, (across + 2) % 3])
-        if touched & {a, b, c, d} or int(triangles[other, across]) != b or (min(c, d), max(c, d)) in every:
-            continue
-        before, after = np.array([[a, b, c], [b, a, d]]), np.array([[a, d, c], [d, b, c]])
-        if not _may_join(points[before], points[after]):
-            continue
-        if texcoords is not None:
-            at = [corners[one, (side + shift) % 3] for shift in range(3)]
-            far = [corners[other, (across + shift) % 3] for shift in range(3)]
-            if (texcoords[at[:2]] != texcoords[far[1::-1]]).any():
-                continue  # a seam of the texture
-            if not _may_join(texcoords[[at, far]], texcoords[[[at[0], far[2], at[2]], [far[2], at[1], at[2]]]]):
-                continue
-        touched |= {a, b, c, d}
-        pairs.append((one, other, side, across))
-    return np.array(pairs, dtype=np.int64).reshape(-1, 4)
+    for place, own in zip(np.flatnonzero(may).tolist(), np.column_stack([near, far[:, 2]])[may].tolist(), strict=True):
+        if touched.isdisjoint(own):
+            touched.update(own)
+            chosen.append(place)
+    here, across = here[chosen], across[chosen]
+    return np.stack([here // 3, across // 3, here % 3, across % 3], axis=1)
 
 
-def _may_join(before: Floats, after: Floats) -> bool:
-    """Whether two faces are better joined the other way: neither turns over, and the flatter one is less flat."""
-    normals = [np.cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (before, after)]
-    facing = normals[1] @ normals[0].sum(axis=0)
-    least = [float((heights / longest).min()) for heights, longest in (_heights(before), _heights(after))]
-    return bool((facing > 0.0).all()) and least[1] > least[0]
+def _turned_to(table: Ints, sides: Ints) -> Ints:
+    """The rows that have these sides, three a row in turn, each from its side's first corner on, shape [N, 3]."""
+    turned: Ints = table[(sides // 3)[:, None], (sides[:, None] + np.arange(3)) % 3]
+    return turned
+
+
+def _are_edges(pairs: Ints, edges: Ints) -> NDArray[np.bool_]:
+    """Which pairs of vertices are among edges, which are sorted rows with their lower vertex first; shape [N]."""
+    count = int(max(pairs.max(initial=0), edges.max())) + 1
+    keys, wanted = edges @ [count, 1], np.sort(pairs, axis=1) @ [count, 1]
+    there: NDArray[np.bool_] = keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted
+    return there
+
+
+def _may_join(near: Floats, far: Floats) -> NDArray[np.bool_]:
+    """Whether two faces are better joined the other way: neither turns over, and the flatter one is less flat.
+
+    The first side of each is the one between them; shape [N, 3, 3] each.
+    """
+    (a, b, c), d = np.moveaxis(near, 1, 0), far[:, 2]
+    before, after = [near, far], [np.stack(each, axis=1) for each in ((a, d, c), (d, b, c))]
+    normal = sum(face_normals(each) for each in before)
+    facing = [np.einsum("ij,ij->i", face_normals(each), normal) > 0.0 for each in after]
+    least = [np.minimum(*(heights / longest for heights, longest in map(_heights, each))) for each in (before, after)]
+    better: NDArray[np.bool_] = facing[0] & facing[1] & (least[1] > least[0])
+    return better
 
 
 def _heights(corners: Floats) -> tuple[Floats, Floats]:
     """The least height of each triangle, and its longest side, shape [F] each."""
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(face_normals(corners), axis=1)
     longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
     return area / np.maximum(longest, np.finfo(np.float64).tiny), longest
 
