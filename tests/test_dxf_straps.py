@@ -13,7 +13,9 @@ from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
 from warp_cloth.pattern.drafted import Draft, drafted_pattern
+from warp_cloth.pattern.joints import StatedSeam, side_text
 from warp_cloth.pattern.kinds import named
+from warp_cloth.pattern.straps import STRAP
 
 LEFT_AND_RIGHT = {"side": 2, "strap": 4}
 POINTS = (("FRONT", 95.0, 9.0), ("BACK", 89.0, 5.0))
@@ -81,7 +83,7 @@ def _seams_apart(draft: Draft) -> float:
     pattern = drafted_pattern(draft, None)
     apart = []
     for stitch in pattern.stitches:
-        if draft.joints[stitch.number].reason.startswith("strap"):
+        if any(draft.parts[side.panel].kind == STRAP for side in stitch.sides):
             spots = []
             for side in stitch.sides:
                 panel = pattern.panels[side.panel]
@@ -96,6 +98,15 @@ def test_straps_start_over_the_shoulders(tmp_path: Path) -> None:
     path = write(tmp_path / "a.dxf", {"M": STRAPPY["a camisole"]})
     draft = read_drafted(path)
     assert _seams_apart(draft) < 0.01
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_stated_seams_of_straps_may_name_either_side_first(way: int, tmp_path: Path) -> None:
+    path = write(tmp_path / "a.dxf", {"M": STRAPPY["a camisole"]})
+    parts, joints = read_drafted(path).parts, read_drafted(path).joints
+    sewn = [(side_text(parts, joint.one), side_text(parts, joint.other)) for joint in joints]
+    stated = tuple(StatedSeam(sides[::way]) for sides in sewn)
+    assert _seams_apart(read_drafted(path, DraftOptions(seams=stated))) < 0.01
 
 
 def test_a_notch_says_where_a_strap_ends_behind(tmp_path: Path) -> None:

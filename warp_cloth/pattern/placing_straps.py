@@ -57,14 +57,16 @@ def _sewn_at(
     parts: Sequence[Part], joints: Sequence[Joint], found: Sequence[Laid | None], index: int, own: Sequence[int]
 ) -> Floats | None:
     """The middle of what an end of a strap is sewn to, where that starts, shape [3]."""
-    for joint in joints:
-        if [(side.panel, side.edge) for side in joint.one] == [(index, k) for k in own]:
-            laid = [
-                wrap.placed(parts[side.panel].edges[side.edge].at(MIDWAY))
-                for side in joint.other
-                if (wrap := found[side.panel]) is not None
-            ]
-            return np.concatenate(laid).mean(axis=0) if laid else None
+    mine = {(index, k) for k in own}
+    for joint in joints:  # a stated seam may name either side first
+        for one, other in ((joint.one, joint.other), (joint.other, joint.one)):
+            if {(side.panel, side.edge) for side in one} == mine:
+                laid = [
+                    wrap.placed(parts[side.panel].edges[side.edge].at(MIDWAY))
+                    for side in other
+                    if (wrap := found[side.panel]) is not None
+                ]
+                return np.concatenate(laid).mean(axis=0) if laid else None
     return None
 
 

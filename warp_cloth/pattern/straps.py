@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warp_cloth.pattern.bibs import BIB
+from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
@@ -57,9 +58,9 @@ def with_straps(parts: Sequence[Part]) -> tuple[Part, ...]:
             return tuple(parts)  # what is called straps there are epaulettes, or tabs
         ends = [_end(out[panel], side, width) for panel, width in zip(panels, wide, strict=True)]
         for here, there in ((0, 1), (1, 0)):
-            if ends[here] is None and ends[there] is not None:
-                far = _across(out[panels[there]], ends[there])
-                ends[here] = _end_across(out[panels[here]], side, wide[here], far)
+            known = ends[there]
+            if ends[here] is None and known is not None:
+                ends[here] = _end_across(out[panels[here]], side, wide[here], _across(out[panels[there]], known))
         for panel, end in zip(panels, ends, strict=True):
             if end is None:
                 return tuple(parts)
@@ -171,13 +172,12 @@ def _end_at_corner(
     return _End(run, (0.0, taken) if run[0] == shape.order[tip] else (long - taken, long))
 
 
-def _across(part: Part, end: _End | None) -> float:
+def _across(part: Part, end: _End) -> float:
     """How far from the middle a strap ends [m]."""
-    assert end is not None
     return abs(float(_at(part, end.run, 0.5 * sum(end.places))[0]) - _middle(part))
 
 
-def _at(part: Part, run: Sequence[int], place: float) -> np.ndarray:
+def _at(part: Part, run: Sequence[int], place: float) -> Floats:
     """The point of a part, turned up, at a place along a run of edges [m], shape [2]."""
     for k in run:
         length = part.shape.length((k,))
