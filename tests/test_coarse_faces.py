@@ -10,6 +10,7 @@ from cloths import tube
 from meshfiles import obj_text
 
 from warp_cloth.base.division import refined
+from warp_cloth.base.mesh import face_normals
 from warp_cloth.base.topology import build_topology
 from warp_cloth.fitting.judge import judge
 from warp_cloth.garment.coarse import COARSE, FINE_MM
@@ -67,6 +68,25 @@ def test_parts_hold_what_lies_at_their_corners(limit: float) -> None:
     a, b, c = np.moveaxis(points[parts.triangles], 1, 0)
     p, q, r = np.moveaxis(corners[parts.source], 1, 0)
     assert (np.einsum("fi,fi->f", np.cross(b - a, c - a), np.cross(q - p, r - p)) > 0.0).all()  # none turned over
+
+
+@pytest.mark.parametrize("width", [0.1, 0.3, 1.0])
+def test_narrow_faces_become_no_narrower_and_mostly_wider(width: float) -> None:
+    """All long sides were halved at once, so that a waistband's faces kept their shape down to the smallest."""
+    quad = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, width, 0.0], [0.0, width, 0.0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+    before = narrowness(quad[faces])
+    points, parts = refined(quad, faces, quad[faces], FINEST)
+    after = narrowness(points[parts.triangles])
+    assert longest(points[parts.triangles]) < FINEST + 1e-9  # rounded
+    assert after.min() > 0.99 * before.min()
+    assert np.median(after) > min(0.49, 1.6 * before.min())
+
+
+def narrowness(corners: np.ndarray) -> np.ndarray:
+    """The least height of triangles over their longest side, shape [F]."""
+    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    return np.linalg.norm(face_normals(corners), axis=1) / sides**2
 
 
 def test_a_shape_of_the_files_own_vertices_is_judged(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ IN_THREE = np.array([[3, 1, 4], [0, 3, 4], [0, 4, 2]])  # sides 0 and 1, and the
 IN_THREE_ELSE = np.array([[3, 1, 4], [0, 3, 2], [3, 4, 2]])
 IN_FOUR = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 MOST_ROUNDS = 20  # of halving
+NARROW = 0.5  # times a triangle's longest side, up to which another one waits: else its parts would be as narrow
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,8 @@ def refined(points: Points, triangles: Indices, corners: Points, longest: float)
     whole = Division(triangles, np.arange(count), np.broadcast_to(np.eye(3), (count, 3, 3)))
     for _ in range(MOST_ROUNDS):
         now = whole.held(corners)
-        is_long = np.linalg.norm(np.roll(now, -1, axis=1) - now, axis=2) > longest
+        sides = np.linalg.norm(np.roll(now, -1, axis=1) - now, axis=2)
+        is_long = (sides > longest) & (sides > NARROW * sides.max(axis=1, keepdims=True))
         if not is_long.any():
             break
         points, parts = _at_sides(points, whole.triangles, now, is_long)
