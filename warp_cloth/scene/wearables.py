@@ -159,7 +159,7 @@ class GarmentSpec(Wearable):
         default=None,
         ge=2,
         le=60,
-        description=f"Edges of a pattern's mesh [mm], default {PATTERN_EDGE_MM:g}; longest of a file's, divided to it.",
+        description=f"Edges of a pattern's mesh [mm], default {PATTERN_EDGE_MM:g}; longer ones of a file are divided.",
     )
     size: str | None = Field(
         default=None, min_length=1, max_length=40, description="Size of a DXF pattern; by default the sample's."
