@@ -81,20 +81,26 @@ def without_slivers(points: Floats, triangles: Ints, corners: Ints, texcoords: F
         kept = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
         triangles, corners, source = triangles[kept], corners[kept], source[kept]
     gone_ones = int((vertex != np.arange(len(vertex))).sum())
+    triangles, corners, joined = _joined_across(points, triangles, corners, texcoords)
+    return WithoutSlivers(vertex, triangles, corners, source, gone_ones, joined) if gone_ones or joined else None
+
+
+def _joined_across(points: Floats, triangles: Ints, corners: Ints, texcoords: Floats | None) -> tuple[Ints, Ints, int]:
+    """The faces and their corners with flat ones joined the other way across their longest sides, and how many were."""
     joined = 0
+    triangles, corners = triangles.copy(), corners.copy()
     solid = None if texcoords is None else np.column_stack([texcoords, np.zeros(len(texcoords))])
     for _ in range(ROUNDS):
         pairs = _flat_pairs(points, triangles, corners, solid)
         if not len(pairs):
             break
         joined += len(pairs)
-        triangles, corners = triangles.copy(), corners.copy()
         one, other, side, across = pairs.T
         for table in (triangles, corners):
             a, b, c = (table[one, (side + shift) % 3] for shift in range(3))
             d = table[other, (across + 2) % 3]
             table[one], table[other] = np.stack([a, d, c], axis=1), np.stack([d, b, c], axis=1)
-    return WithoutSlivers(vertex, triangles, corners, source, gone_ones, joined) if gone_ones or joined else None
+    return triangles, corners, joined
 
 
 def _flat_pairs(points: Floats, triangles: Ints, corners: Ints, texcoords: Floats | None) -> Ints:
