@@ -51,7 +51,7 @@ class Attempt:
     thins: bool = False  # whether the avatar is thinned within what it begins after, which is untangled there
     lifted: bool = False  # whether a posed start moves what is sewn to where it started at once, not pulled on
     trial: bool = False  # whether it sews without contact; unless it ends well, the others begin as if it had not been
-    ends_misworn: bool = False  # whether it ends where cloth is not worn as it should be once it has mostly come down
+    ends_misworn: bool = False  # whether it ends where cloth is not worn as it should be when a turn is over
 
     @property
     def touches(self) -> bool:

@@ -33,14 +33,14 @@ class Goal:
     # Iterations of a turn, after which the other kind of steps goes on where nothing crosses: after per-vertex steps if
     # cloth still falls, after implicit ones in any case. None: no turns.
     turn_after: int | None = None
-    ends_misworn: bool = False  # where it is not worn as it should be when its first turn is over
+    ends_misworn: bool = False  # where it is not worn as it should be when a turn is over
 
     def looks_for_crossings(self, iteration: int) -> bool:
         """Whether it ends after this iteration if it passes through itself."""
         return self.ends_crossing and iteration in (SEWING_CHECKS if self.sews else CROSSING_CHECKS)
 
     def looks_how_it_is_worn(self, iteration: int) -> bool:
-        """Whether it ends after this iteration if it is not worn as it should be."""
+        """Whether it ends after this iteration, at which it is checked, if it is not worn as it should be."""
         return self.ends_misworn and iteration == self.turn_after
 
 
