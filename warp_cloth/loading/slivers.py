@@ -54,6 +54,7 @@ def without_slivers(points: Floats, triangles: Ints, corners: Ints, texcoords: F
         texcoords: at each of the raw mesh's, shape [C, 2].
     """
     vertex, source = np.arange(len(points)), np.arange(len(triangles))
+    chart = None if texcoords is None else np.column_stack([texcoords, np.zeros(len(texcoords))])
     for _ in range(ROUNDS):
         sides = edges_of(triangles)
         is_short = _are_short(np.linalg.norm(points[sides[:, 1]] - points[sides[:, 0]], axis=1))
@@ -66,7 +67,8 @@ def without_slivers(points: Floats, triangles: Ints, corners: Ints, texcoords: F
             _fix_seams(fixed, triangles, texcoords[corners], is_short)
         short = found.first[np.bincount(found.number, ~is_short) == 0.0]
         lengths = np.linalg.norm(points[sides[short, 1]] - points[sides[short, 0]], axis=1)
-        gone = _chosen(points, triangles, sides[short[np.argsort(lengths, kind="stable")]], fixed)
+        places = [points[triangles], *([] if chart is None else [chart[corners]])]
+        gone = _chosen(places, triangles, sides[short[np.argsort(lengths, kind="stable")]], fixed)
         if not gone:
             break
         became = np.arange(len(points))
@@ -81,17 +83,16 @@ def without_slivers(points: Floats, triangles: Ints, corners: Ints, texcoords: F
         kept = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
         triangles, corners, source = triangles[kept], corners[kept], source[kept]
     gone_ones = int((vertex != np.arange(len(vertex))).sum())
-    triangles, corners, joined = _joined_across(points, triangles, corners, texcoords)
+    triangles, corners, joined = _joined_across(points, triangles, corners, chart)
     return WithoutSlivers(vertex, triangles, corners, source, gone_ones, joined) if gone_ones or joined else None
 
 
-def _joined_across(points: Floats, triangles: Ints, corners: Ints, texcoords: Floats | None) -> tuple[Ints, Ints, int]:
+def _joined_across(points: Floats, triangles: Ints, corners: Ints, chart: Floats | None) -> tuple[Ints, Ints, int]:
     """The faces and their corners with flat ones joined the other way across their longest sides, and how many were."""
     joined = 0
     triangles, corners = triangles.copy(), corners.copy()
-    solid = None if texcoords is None else np.column_stack([texcoords, np.zeros(len(texcoords))])
     for _ in range(ROUNDS):
-        pairs = _flat_pairs(points, triangles, corners, solid)
+        pairs = _flat_pairs(points, triangles, corners, chart)
         if not len(pairs):
             break
         joined += len(pairs)
@@ -195,14 +196,17 @@ def _fix_seams(fixed: NDArray[np.bool_], triangles: Ints, texcoords: Floats, is_
     fixed[edges_of(triangles)[is_short & (lengths >= SHORT_PART * np.median(lengths))]] = True
 
 
-def _chosen(points: Floats, triangles: Ints, short: Ints, fixed: NDArray[np.bool_]) -> dict[int, int]:
-    """The vertices that go and what they become, of edges from the shortest on, no two of which are near each other."""
-    near = np.isin(triangles, short).any(axis=1)
-    faces: dict[int, list[tuple[int, int, int]]] = {}
-    for a, b, c in triangles[near].tolist():
-        for corner in (a, b, c):
-            faces.setdefault(corner, []).append((a, b, c))
-    ring = {corner: {each for face in own for each in face} - {corner} for corner, own in faces.items()}
+def _chosen(places: list[Floats], triangles: Ints, short: Ints, fixed: NDArray[np.bool_]) -> dict[int, int]:
+    """The vertices that go and what they become, of edges from the shortest on, no two of which are near each other.
+
+    ``places``: of the faces' corners, in space and in the texture, shape [F, 3, 3] each.
+    """
+    near = np.flatnonzero(np.isin(triangles, short).any(axis=1))
+    faces: dict[int, list[tuple[int, list[int]]]] = {}
+    for row, own in zip(near.tolist(), triangles[near].tolist(), strict=True):
+        for corner in own:
+            faces.setdefault(corner, []).append((row, own))
+    ring = {corner: {each for _, own in rows for each in own} - {corner} for corner, rows in faces.items()}
     gone: dict[int, int] = {}
     touched: set[int] = set()
     for a, b in short.tolist():
@@ -210,15 +214,18 @@ def _chosen(points: Floats, triangles: Ints, short: Ints, fixed: NDArray[np.bool
             area = ring[goes] | ring[stays]
             if fixed[goes] or area & touched or len(ring[goes] & ring[stays]) != 2:
                 continue
-            if not any(_turns(points, face, goes, stays) for face in faces[goes] if stays not in face):
+            shared = next((row, own.index(stays)) for row, own in faces[goes] if stays in own)
+            moved = [(row, own.index(goes)) for row, own in faces[goes] if stays not in own]
+            if not any(_turns(each[row], corner, each[shared]) for each in places for row, corner in moved):
                 gone[goes] = stays
                 touched |= area
                 break
     return gone
 
 
-def _turns(points: Floats, face: tuple[int, int, int], goes: int, stays: int) -> bool:
-    """Whether a face turns over, or becomes a line, where one of its corners becomes another vertex."""
-    before, after = points[list(face)], points[[stays if corner == goes else corner for corner in face]]
-    normals = [np.cross(each[1] - each[0], each[2] - each[0]) for each in (before, after)]
+def _turns(face: Floats, corner: int, to: Floats) -> bool:
+    """Whether a face turns over, or becomes a line, where one of its corners moves; shape [3, 3] and [3]."""
+    after = face.copy()
+    after[corner] = to
+    normals = face_normals(np.stack([face, after]))
     return float(normals[0] @ normals[1]) <= 0.0
