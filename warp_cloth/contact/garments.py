@@ -66,9 +66,11 @@ def _shifted(outfit: Outfit, shifts: Sequence[Points | None], cache: Cache) -> O
 
 
 def build_cloth_contact(scene: Scene, outfit: Outfit, model: ClothModel, device: str) -> ClothContact:
-    """Contact of a scene's garments, which are listed from the inside out."""
+    """Contact of a scene's garments, which are listed from the inside out, but where the outfit says otherwise."""
+    layers = outfit.layers or range(len(scene.garments))
     kinds = [
-        SheetKind(spec.fabric.thickness, spec.fabric.friction, layer=layer) for layer, spec in enumerate(scene.garments)
+        SheetKind(spec.fabric.thickness, spec.fabric.friction, layer=layer)
+        for layer, spec in zip(layers, scene.garments, strict=True)
     ]
     avatar = outfit.starting_avatar
     body = None if avatar is None else build_exact_collider(avatar, device).within(FAR_AWAY)

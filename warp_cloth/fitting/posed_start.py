@@ -83,9 +83,11 @@ def _lone(problem: Problem, index: int, cache: Cache, clock: StageClock) -> _Lon
         garments=garments_in(FABRIC, outfit.garments[one], cache),
         wearing=outfit.wearing[one],
         predrape_garments=(),
+        layers=(),
     )
     alone = scene.model_copy(update={"garments": scene.garments[one]})
-    return _Lone(alone, lone, str(problem.model.device), OFFSET + index * LAYER, clock)
+    layer = outfit.layers[index] if outfit.layers else index
+    return _Lone(alone, lone, str(problem.model.device), OFFSET + layer * LAYER, clock)
 
 
 def _placed(problem: Problem, starts: Sequence[PosedStart], clock: StageClock) -> tuple[LevelRun, ...]:

@@ -20,6 +20,7 @@ from warp_cloth.garment.coarse import divide_coarse
 from warp_cloth.garment.facing import brought_from_afar, brought_to_wearer
 from warp_cloth.garment.falling import Catcher
 from warp_cloth.garment.garment import Garment
+from warp_cloth.garment.layering import layers_of, refuse_twins
 from warp_cloth.garment.making import (
     MESH_KEYS,
     avatar_mesh,
@@ -56,6 +57,7 @@ class Outfit:
     wearing: tuple[Wearing | None, ...] = ()  # of each garment; None: a sheet, or on what has no limbs, or moves
     readings: tuple[Choice, ...] = ()  # what was read otherwise than it is by default, as garments started badly
     padded: Mesh | None = None  # the avatar as garments meet it, where it would show through their faces otherwise
+    layers: tuple[int, ...] = ()  # of each garment, from the inside out; empty: as they are listed
 
     @cached_property
     def catcher(self) -> Catcher:
@@ -172,7 +174,12 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None, *, divides: b
     otherwise = _read_as(*read_again(scene, cloths, still), cache, divides)
     if otherwise is None and divides:
         otherwise = _read_as(*divide_coarse(scene, garments, wearing), cache, divides)
-    return otherwise or Outfit(with_doubts(scene, cloths), garments, avatar, poses, predraped, wearing)
+    if otherwise is not None:
+        return otherwise
+    refuse_twins(scene, garments)
+    layers, order = layers_of(scene, garments, still)
+    meshes = with_doubts(scene, cloths)
+    return Outfit(meshes, garments, avatar, poses, predraped, wearing, tuple(order), layers=layers)
 
 
 def _read_as(again: Scene, readings: Sequence[Choice], mesh_cache: MeshCache, divides: bool) -> Outfit | None:
