@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
+from cloths import tube
 from meshfiles import ball, sheet, write_obj
 from typer.testing import CliRunner, Result
 
@@ -199,3 +201,49 @@ def test_a_scan_measures_the_same_in_a_fit_and_by_itself(scan: Path) -> None:
     alone = json.loads(Path("out/scan_body.json").read_text())["measures_m"]
     for name in ("chest", "waist", "hip"):
         assert alone[name] == pytest.approx(fitted[name], abs=1e-3)
+
+
+def outfit_file(path: Path, *parts: tuple[np.ndarray, np.ndarray]) -> Path:
+    """A .glb with a node "part0", "part1" ... for each mesh."""
+    scene = trimesh.Scene()
+    for number, (points, faces) in enumerate(parts):
+        mesh = trimesh.Trimesh(points, faces, process=False)
+        scene.add_geometry(mesh, node_name=f"part{number}", geom_name=f"part{number}")
+    scene.export(path)
+    return path
+
+
+def tube_of(radius: float, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    mesh = tube(radius, low, high, around=24, rows=4)
+    return mesh.points, mesh.triangles
+
+
+def prims_of(path: Path, **options: Any) -> list[str | None]:
+    return [each.prim for each in load_scene(path, on="mannequin", **options).garments]
+
+
+def test_an_outfit_in_one_file_is_several_garments(tmp_path: Path) -> None:
+    path = outfit_file(tmp_path / "outfit.glb", tube_of(0.25, 0.95, 1.3), tube_of(0.27, 0.4, 1.0))
+    scene = load_scene(path, on="mannequin", fabric="denim")
+    assert [(each.name, each.prim, each.fabric.name) for each in scene.garments] == [
+        ("part0", "part0", "denim"),
+        ("part1", "part1", "denim"),
+    ]
+    assert prims_of(path, overrides=["garment.prim=part1"]) == ["part1"]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        (0.25, 0.5, 0.95),  # sewn on: a shirt and its lower part
+        (0.251, 1.27, 1.29),  # a trim
+    ],
+)
+def test_parts_of_one_garment_stay_one(tmp_path: Path, other: tuple[float, float, float]) -> None:
+    assert prims_of(outfit_file(tmp_path / "shirt.glb", tube_of(0.25, 0.95, 1.3), tube_of(*other))) == [None]
+
+
+def test_panels_of_one_garment_stay_one(tmp_path: Path) -> None:
+    points, faces = sheet(count=9, side=0.5)
+    behind = points - np.array([0.0, 0.0, 0.4])
+    assert prims_of(outfit_file(tmp_path / "panels.glb", (points, faces), (behind, faces))) == [None]

@@ -70,9 +70,11 @@ def load_scene(
     Raises:
         InputError: the scene cannot be read, or a key or value is wrong.
     """
-    found = _read(in_file(source, "scene", "garment"), in_file(on, "on", "body"), fabric)
+    changes = overrides_of(overrides)
+    names_prim = any(each.key == "garment.prim" for each in changes)
+    found = _read(in_file(source, "scene", "garment"), in_file(on, "on", "body"), fabric, names_prim)
     values, stated = found.values, dict(found.stated)
-    for override in overrides_of(overrides):
+    for override in changes:
         key = apply_override(values, override, found.directory)
         for other, earlier in stated.items():
             sibling = key.endswith(".kind") and other.startswith(key.removesuffix("kind"))
@@ -118,11 +120,11 @@ def _is_body_file(path: Path, overrides: Sequence[str]) -> bool:
     return kind in mesh_formats.USD and not names_garment and not has_garments(path)
 
 
-def _read(source: Any, on: Any, fabric: Any) -> _Source:
-    """A scene's values as they are read, from wherever they come."""
+def _read(source: Any, on: Any, fabric: Any, names_prim: bool) -> _Source:
+    """A scene's values as they are read, from wherever they come; ``names_prim`` as in ``worn_on``."""
     if on is not None and not _is_scene(source):
         path = arguments.path(source, "scene")
-        values, stated = worn_on(path, on, fabric)
+        values, stated = worn_on(path, on, fabric, names_prim=names_prim)
         return _Source(str(path), file_stem(path), Path(), values, stated=stated)
     found = _read_scene(source)
     stated = in_fabric(found.values, _from_here(fabric) if str(fabric).lower().endswith(".toml") else fabric)

@@ -9,6 +9,7 @@ from typing import Any
 from warp_cloth.base import arguments, mesh_formats
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import exists
+from warp_cloth.loading.separate import separate_garments
 from warp_cloth.scene.stage import stage_values
 
 PATTERN_SUFFIXES = (".json", ".dxf")
@@ -20,8 +21,10 @@ def is_mesh(path: Path) -> bool:
     return path.suffix.lower() in mesh_formats.SUPPORTED
 
 
-def worn_on(garment: Path, on: Any, fabric: Any) -> tuple[dict[str, Any], dict[str, str]]:
+def worn_on(garment: Path, on: Any, fabric: Any, *, names_prim: bool = False) -> tuple[dict[str, Any], dict[str, str]]:
     """Scene values of a garment on a body, and which of them the arguments stated, by dotted key.
+
+    ``names_prim``: whether the caller says which mesh of the file is the garment.
 
     Raises:
         InputError: a file is missing, or the body is a scene.
@@ -34,7 +37,7 @@ def worn_on(garment: Path, on: Any, fabric: Any) -> tuple[dict[str, Any], dict[s
     body = avatar.get("mesh", "")
     if Path(body).suffix.lower() in mesh_formats.MESHES and Path(body).resolve() == garment.resolve():
         raise InputError("on", f"{body} is the garment, too", "give the body's mesh file")
-    values = {"garment": _garment(garment), "avatar": avatar}
+    values = {"garment": _garment(garment, names_prim), "avatar": avatar}
     return values, {"garment": str(garment), **stated, **in_fabric(values, fabric)}
 
 
@@ -64,10 +67,12 @@ def in_fabric(values: dict[str, Any], fabric: Any) -> dict[str, str]:
     return {f"{key}.fabric": "fabric" for key in tables}
 
 
-def _garment(path: Path) -> Any:
-    """A garment's table; of a USD stage that says which of its meshes are cloth, theirs."""
+def _garment(path: Path, names_prim: bool) -> Any:
+    """A garment's table; of a USD stage that says which of its meshes are cloth, or of a glTF outfit, theirs."""
     if path.suffix.lower() in PATTERN_SUFFIXES:
         return {"pattern": str(path)}
+    if not names_prim and (names := separate_garments(path)):
+        return [{"mesh": str(path), "prim": name} for name in names]
     if path.suffix.lower() not in mesh_formats.USD:
         return {"mesh": str(path)}
     cloths = stage_values(path)["garment"]

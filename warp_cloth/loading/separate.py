@@ -1,0 +1,58 @@
+"""The garments of a file that holds several, each a mesh of its own, as programs export an outfit."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh, Points, face_normals
+from warp_cloth.base.mesh_formats import GLTF
+from warp_cloth.base.topology import build_topology
+from warp_cloth.loading.generic import gltf_mesh_names
+from warp_cloth.loading.load import load_mesh
+from warp_cloth.loading.trims import SHARE
+from warp_cloth.loading.unique_rows import unique_rows
+
+NARROWEST = 0.09  # [m]; the girth of an opening, at least: a child's cuff. A shorter one is a buttonhole
+SEAM = 1e-4  # [m]; vertices of two meshes that are as near to each other are one, and sewn
+SEWN = 0.25  # of a rim's vertices, from which on it is a seam: shells of one body share a vertex here and there
+
+
+def separate_garments(path: Path) -> list[str]:
+    """The names of the meshes of a glTF file that are garments of their own, in its order; [] where it holds one.
+
+    All are, or none: each has two openings at least and is no trim of another, and no rim lies on the vertices of
+    another, as those of panels and parts do along their seams.
+    """
+    if path.suffix.lower() not in GLTF:
+        return []
+    try:
+        data = path.read_bytes()
+        names = gltf_mesh_names(str(path), data)
+        if len(names) < 2 or len(set(names)) < len(names):
+            return []
+        meshes = [load_mesh(path, role="garment", key="garment", prim=name, data=data) for name in names]
+    except (InputError, OSError, ValueError, LookupError, TypeError, AttributeError):
+        return []  # told where the file is read as a whole
+    areas = [float(np.linalg.norm(face_normals(mesh.points[mesh.triangles]), axis=1).sum()) for mesh in meshes]
+    rims = [_rims(mesh) for mesh in meshes]
+    if min(areas) < SHARE * max(areas) or any(len(own) < 2 for own in rims):
+        return []
+    pairs = permutations(zip(meshes, rims, strict=True), 2)
+    sewn = any(_lies_on(rim, other.points) for (_, own), (other, _) in pairs for rim in own)
+    return [] if sewn else names
+
+
+def _rims(mesh: Mesh) -> list[Points]:
+    """The vertices of each opening [m], shape [N, 3]."""
+    loops = [mesh.points[loop] for loop in build_topology(mesh.triangles, mesh.vertex_count).boundary_loops]
+    return [ring for ring in loops if float(np.linalg.norm(np.roll(ring, -1, axis=0) - ring, axis=1).sum()) > NARROWEST]
+
+
+def _lies_on(rim: Points, other: Points) -> bool:
+    """Whether much of a rim's vertices are where vertices of another mesh are [m]."""
+    places = unique_rows(np.concatenate([np.round(other / SEAM), np.round(rim / SEAM)]) + 0.0)
+    return bool((places.first[places.number[len(other) :]] < len(other)).mean() > SEWN)
