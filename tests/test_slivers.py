@@ -56,7 +56,7 @@ def test_texture_coordinates_are_those_of_the_vertices_that_stay(tmp_path: Path)
 
 
 def test_no_face_turns_over_in_the_texture() -> None:
-    """Cloth drawn out where it lies, as panels start: edges that are short and harmless there are not in the texture."""
+    """What is drawn out where it starts, as panels are, has edges that would go in space alone."""
     turned = 0
     for seed in range(60):
         random = np.random.default_rng(seed)

@@ -13,6 +13,7 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.garment.closed_ends import with_open_ends
 from warp_cloth.garment.coarse import with_short_sides
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.measured_body import measured_mannequin
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
 
 # keys of a garment or an avatar that its mesh depends on
 MESH_KEYS = {
-    *("mesh", "pattern", "edge_mm", "shape", "measures", "prim", "units", "up", "translate", "rotate", "scale"),
-    *("rest", "uv_units", "size", "seam_allowance_mm", "seam", "piece"),
+    *("mesh", "pattern", "edge_mm", "open_ends", "shape", "measures", "prim", "units", "up"),
+    *("translate", "rotate", "scale", "rest", "uv_units", "size", "seam_allowance_mm", "seam", "piece"),
 }
 
 
@@ -123,6 +124,7 @@ def garment_mesh(
     kept = spec.rest == "auto" and bool(without_area(mesh.points, mesh.triangles).any())
     as_modelled = kept and choose_rest(mesh, "auto", spec.uv_metres, key, spec.scale).kind == "mesh"
     mesh = load(rest="mesh") if as_modelled else mesh
+    mesh = with_open_ends(mesh) if spec.open_ends else mesh
     if spec.edge_mm is None:
         return mesh
     if spec.rest_angles == "physics":

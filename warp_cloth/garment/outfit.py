@@ -16,6 +16,7 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.garment.closed_ends import open_ends
 from warp_cloth.garment.coarse import divide_coarse
 from warp_cloth.garment.facing import brought_from_afar, brought_to_wearer
 from warp_cloth.garment.falling import Catcher
@@ -169,6 +170,10 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None, *, divides: b
     if predrape_scene is not None:
         predraped = _garments(predrape_scene, worn, _all_keys(predrape_scene), cache)
     still = avatar if not poses and scene.collision.avatar != "none" else None
+    if still is not None:
+        opened = _read_as(*open_ends(scene, garments, find_skeleton), cache, divides)
+        if opened is not None:
+            return opened
     wearing = _wearing(scene, garments, keys, still, cache)
     cloths = cloths_of(worn, garments, wearing, still)
     otherwise = _read_as(*read_again(scene, cloths, still), cache, divides)

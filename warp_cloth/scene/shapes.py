@@ -31,12 +31,12 @@ class Table(BaseModel):
 
 
 class SquareShape(Table):
-    """A flat square cloth: a regular grid with alternating diagonals, so that none is preferred."""
+    """A flat square cloth: a regular grid with alternating diagonals."""
 
     kind: Literal["square"]
     side: Real = Field(default=1.0, ge=1e-3, le=100, description="Side length [m].")
     vertices_per_side: Integer = Field(
-        default=33, ge=2, le=2049, description="Vertices along a side; 33 on 1 m: edges of 31 mm, quick and smooth."
+        default=33, ge=2, le=2049, description="Vertices along a side; 33 on 1 m: edges of 31 mm."
     )
     plane: Literal["horizontal", "vertical"] = Field(default="horizontal", description="Lies flat, or hangs facing +z.")
     height: Real = Field(
@@ -48,7 +48,7 @@ class SquareShape(Table):
 
 
 class TshirtShape(Table):
-    """The shipped T-shirt: flat panels, sewn, placed round the mannequin that wears it."""
+    """The shipped T-shirt: flat panels, sewn, placed round the mannequin."""
 
     kind: Literal["tshirt"]
     size: Size = Field(default="M", description="Garment size.")
@@ -67,7 +67,7 @@ class SphereShape(Table):
 
 
 class MannequinShape(Table):
-    """The shipped parametric mannequin: the standard body of a size, or your own measures."""
+    """The shipped mannequin: the standard body of a size, or your own measures."""
 
     kind: Literal["mannequin"]
     size: Size = Field(default="M", description="The standard body that has the measures left out.")

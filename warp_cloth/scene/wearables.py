@@ -161,6 +161,9 @@ class GarmentSpec(Wearable):
         le=60,
         description=f"Edges of a pattern's mesh [mm], default {PATTERN_EDGE_MM:g}; longer ones of a file are divided.",
     )
+    open_ends: bool = Field(
+        default=False, description="Leaves out flat patches that close ends; by default where limbs pass."
+    )
     size: str | None = Field(
         default=None, min_length=1, max_length=40, description="Size of a DXF pattern; by default the sample's."
     )
@@ -176,12 +179,10 @@ class GarmentSpec(Wearable):
     piece: tuple[PieceSpec, ...] = Field(
         default=(), description="What pieces of a DXF pattern are, where names and shapes do not show it; keys below."
     )
-    translate: Point = Field(
-        default=(0.0, 0.0, 0.0), description="Placement by hand, of the garment as loaded: moved by [m], x y z, y up."
-    )
+    translate: Point = Field(default=(0.0, 0.0, 0.0), description="Moved by [m], as loaded: x y z, y up.")
     rotate: tuple[Degrees, Degrees, Degrees] = Field(
         default=(0.0, 0.0, 0.0),
-        description="Turned by [degrees] about the axes through the origin: x, then y, then z; before translate.",
+        description="Turned by [degrees] about the origin: about x, then y, then z; before translate.",
     )
     scale: Real = Field(
         default=1.0,
@@ -276,6 +277,8 @@ class GarmentSpec(Wearable):
         self._check_one_source({"pattern": self.pattern, "shape": self.shape}, f'pattern = "FILE", or {kinds}')
         if self.shape is not None and self.edge_mm is not None:
             raise refusal("edge_mm is for a mesh or a pattern", "set shape.edge_mm", below="edge_mm")
+        if self.open_ends and self.mesh is None:
+            raise refusal("open_ends is for a mesh", "remove it", below="open_ends")
         self._check_drafted()
         for key, plain in (("rest", "uv"), ("uv_units", "m")):
             if self.pattern is not None and getattr(self, key) not in ("auto", plain):
