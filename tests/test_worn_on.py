@@ -247,3 +247,14 @@ def test_panels_of_one_garment_stay_one(tmp_path: Path) -> None:
     points, faces = sheet(count=9, side=0.5)
     behind = points - np.array([0.0, 0.0, 0.4])
     assert prims_of(outfit_file(tmp_path / "panels.glb", (points, faces), (behind, faces))) == [None]
+
+
+def test_a_body_with_holes_in_a_garments_file_is_refused(tmp_path: Path) -> None:
+    body = mannequin(MannequinMeasures())
+    level = body.points[:, 1] / body.points[:, 1].max()
+    faces = body.triangles[(level > 0.02)[body.triangles].all(axis=1)]  # as a scan whose soles were not seen
+    used, faces = np.unique(faces, return_inverse=True)
+    shirt = tube_of(0.25, 0.95, 1.3)
+    path = outfit_file(tmp_path / "dressed.glb", shirt, (body.points[used], faces.reshape(-1, 3)))
+    with pytest.raises(InputError, match=r'"dressed" holds a body, too'):
+        load_outfit(load_scene(path, on="mannequin"))

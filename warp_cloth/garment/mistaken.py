@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -36,6 +37,7 @@ def refuse_bodies(
     Raises:
         InputError: a garment is a body; where the avatar looks like a garment, with the advice to exchange them.
     """
+    of_file = Counter(garment.name for _, garment in garments)
     for key, garment in garments:
         is_closed = CLOSED in garment.notes
         # a person may wear an overall with a hood, which has limbs, too
@@ -46,7 +48,10 @@ def refuse_bodies(
             if avatar is not None and _rims(avatar) > OPEN:
                 remedy = f'exchange it and "{avatar.name}", which is open'
             raise InputError(key, f'"{garment.name}" {problem}', remedy)
-        if any(_is_body(part) for part in _tall_parts(garment)):
+        alone = (
+            [garment] if of_file[garment.name] > 1 else []
+        )  # a mesh of a file whose meshes are garments of their own
+        if any(_is_body(part) for part in (*alone, *_tall_parts(garment))):
             problem = f'"{garment.name}" holds a body, too: a surface with a head, arms and legs'
             remedy = f"export the garment alone, or name its mesh by {key}.prim (in .glb and USD files)"
             raise InputError(key, problem, remedy)
