@@ -13,12 +13,15 @@ from cloths import tube
 from meshfiles import write_obj, write_panels
 
 from warp_cloth.anatomy.openings import ARMS, LEGS, OPEN, limbs_for
+from warp_cloth.anatomy.skeleton import skeleton_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.units import BodyUp
 from warp_cloth.garment.front import CERTAIN, front_of
 from warp_cloth.garment.outfit import Outfit, load_outfit
-from warp_cloth.loading import Placement
-from warp_cloth.scene import load_scene
+from warp_cloth.garment.reading import stand_up
+from warp_cloth.loading import Placement, with_y_up
+from warp_cloth.scene import AvatarSpec, load_scene
 from warp_cloth.shapes import SIZE_BODIES, mannequin
 
 INCH = 0.0254
@@ -361,6 +364,42 @@ def test_a_body_and_its_garment_from_a_tool_with_z_up_both_stand(tmp_path: Path,
     assert not outfit(garment, **{"avatar.up": "y"}).readings  # what is stated stays
     sheet = {"garment": {"shape": {"kind": "square", "height": 0.5}}}
     assert not outfit(sheet).readings  # over a body that lies
+
+
+@pytest.mark.parametrize("up", ["-z", "x", "-x", "-y"])
+def test_a_body_that_lies_or_is_upside_down_stands_up(tmp_path: Path, tshirt: Mesh, up: BodyUp) -> None:
+    body = mannequin(SIZE_BODIES["M"])
+    frame = np.array([with_y_up(axis[None], up)[0] for axis in np.eye(3)])
+    assert np.linalg.det(frame) == pytest.approx(1.0)  # a turn, no mirror image
+    laid = body.points @ frame.T
+    write_obj(tmp_path / "body.obj", laid, body.triangles)
+
+    def outfit(garment: Any, **changes: Any) -> Outfit:
+        return load_outfit(load_scene(garment, changes, on=tmp_path / "body.obj"))
+
+    stood = outfit("tshirt")
+    assert {choice.key: choice.value for choice in stood.readings} == {"avatar.up": up}
+    assert stood.avatar is not None
+    assert stood.avatar.points == pytest.approx(body.points, abs=1e-6)
+    garment = write_panels(tmp_path / "shirt.obj", tshirt.points @ frame.T, tshirt)
+    assert "avatar.up" not in [choice.key for choice in outfit(garment).readings]  # it lies as its garment does
+
+
+def test_who_is_upside_down_is_turned_but_not_who_bends_over(tshirt: Mesh) -> None:
+    """Trunk and head may point down or level, where the legs stand."""
+    scene = load_scene("tshirt").model_copy(update={"avatar": AvatarSpec(mesh=Path("body.obj"))})
+    body = mannequin(SIZE_BODIES["M"])
+    skeleton = skeleton_of(body)
+    assert skeleton is not None
+    worn = [("garment", tshirt)]
+    hanging = replace(skeleton, up=-skeleton.up, curves=tuple(curve * [1.0, -1.0, 1.0] for curve in skeleton.curves))
+    hanging = replace(hanging, spine=skeleton.spine * [1.0, -1.0, 1.0])
+    assert [choice.value for choice in stand_up(scene, worn, body, lambda: hanging)[1]] == ["-y"]
+    stated = scene.model_copy(update={"avatar": AvatarSpec(mesh=Path("body.obj"), up="y")})
+    assert stand_up(stated, worn, body, lambda: hanging) == (stated, [])
+    for up in ([0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]):
+        bent = replace(skeleton, up=np.array(up))
+        assert stand_up(scene, worn, body, lambda bent=bent: bent) == (scene, [])
 
 
 @pytest.mark.parametrize(("lift", "moved_to"), [(-0.15, 0.0), (0.0, 0.0), (0.15, 0.15), (0.4, 0.0)])

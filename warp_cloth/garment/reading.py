@@ -10,16 +10,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
+from typing import cast
 
 import numpy as np
 
 from warp_cloth.anatomy.geodesics import nearest_points
 from warp_cloth.anatomy.linking import SLEEVED, Wearing
-from warp_cloth.anatomy.skeleton import Skeleton
+from warp_cloth.anatomy.skeleton import LEFT_LEG, RIGHT_LEG, Skeleton
 from warp_cloth.base import mesh_formats
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.base.units import METRES_PER, LengthUnit
+from warp_cloth.base.units import METRES_PER, BodyUp, LengthUnit
 from warp_cloth.garment.front import CERTAIN, DOUBTFUL, Front, front_of
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.moulded import faces_ahead, within
@@ -27,14 +28,13 @@ from warp_cloth.garment.triangles import triangle_areas, triangle_sides
 from warp_cloth.loading import (
     Placement,
     fitting_reading,
-    from_z_up,
     is_of_fitting_size,
     is_usual_size,
     lies,
     was_guessed,
+    with_y_up,
 )
-from warp_cloth.scene import GarmentSpec, Scene, TshirtShape
-from warp_cloth.scene.wearables import Wearable
+from warp_cloth.scene import AvatarSpec, GarmentSpec, Scene, TshirtShape
 
 Value = str | tuple[float, float, float]
 Change = tuple[dict[str, Value], str]  # keys of a garment, and why
@@ -58,7 +58,7 @@ NEAR_LIMBS = 0.15
 # mitten and a shirt that were read in centimetres instead of inches were 0.22 and 0.25 off.
 ON_SKIN = 0.1
 MOULDED = 10.0  # the cue of where a garment lies on the skin: sure where it tells
-HEAD_UP = 0.85  # cosine of 30 degrees, rounded, between a trunk and z, of a body in a file with z up
+HEAD_UP = 0.85  # cosine of 30 degrees, rounded, between an axis and the trunk, or the trunk and the legs
 BESIDE = 0.1  # [m] from the body's middle, from where on a garment may be beside it
 
 
@@ -162,7 +162,7 @@ def read_sizes_again(
     return scene.model_copy(update={"avatar": scene.avatar.model_copy(update=changes)}), choices
 
 
-def _read_in(key: str, spec: Wearable, mesh: Mesh, reading: dict[str, str]) -> dict[str, str]:
+def _read_in(key: str, spec: GarmentSpec | AvatarSpec, mesh: Mesh, reading: dict[str, str]) -> dict[str, str]:
     """What a reading of units and axes changes in a garment or a body; {}: it is another's, or its author states it."""
     own = {name.removeprefix(f"{key}."): value for name, value in reading.items()}
     is_open = was_guessed(mesh) and spec.up is None
@@ -172,25 +172,20 @@ def _read_in(key: str, spec: Wearable, mesh: Mesh, reading: dict[str, str]) -> d
 def stand_up(
     scene: Scene, garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None, skeleton: Callable[[], Skeleton | None]
 ) -> tuple[Scene, list[Choice]]:
-    """The scene with a person standing who lies along z, head towards +z, as in a z-up file, and garments round it.
+    """The scene with a person standing who lies, or is upside down, and garments round it that a z-up file shows so.
 
     Else the same scene: what its author states stays, and a body lies where a garment round it states its own axis, or
-    is a sheet of cloth.
+    is a sheet of cloth, or where body and garment lie as no tool's axes are.
     """
     spec = scene.avatar
-    if (
-        spec is None
-        or avatar is None
-        or not _may_have_z_up(spec)
-        or not lies(avatar.points, avatar.triangles.astype(np.int64))
-    ):
+    if spec is None or avatar is None or not _may_have_z_up(spec):
         return scene, []
-    person = skeleton()
-    if person is None or person.up[2] < HEAD_UP:
+    up = _head_of(avatar, skeleton)
+    if up == "y":
         return scene, []
     low, high = avatar.points.min(axis=0), avatar.points.max(axis=0)
-    reason = "a person would lie along z"
-    choices, specs = [Choice("avatar.up", "z", reason)], list(scene.garments)
+    reason = "a person would be upside down" if up == "-y" else f"a person would lie along {up[-1]}"
+    choices, specs = [Choice("avatar.up", up, reason)], list(scene.garments)
     for index, (worn, (key, mesh)) in enumerate(zip(scene.garments, garments, strict=True)):
         if worn.mesh is None:
             if worn.shape is not None and not isinstance(worn.shape, TshirtShape):
@@ -199,15 +194,28 @@ def stand_up(
         middle = (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2.0
         if not ((low <= middle) & (middle <= high)).all():
             continue
-        if not _may_have_z_up(worn) or is_placed(worn):
+        if up != "z" or not _may_have_z_up(worn) or is_placed(worn):
             return scene, []
         specs[index] = worn.model_copy(update={"up": "z"})
         choices.append(Choice(f"{key}.up", "z", f"{reason} in it"))
-    changes = {"avatar": spec.model_copy(update={"up": "z"}), "garments": tuple(specs)}
+    changes = {"avatar": spec.model_copy(update={"up": up}), "garments": tuple(specs)}
     return scene.model_copy(update=changes), choices
 
 
-def _may_have_z_up(spec: Wearable) -> bool:
+def _head_of(avatar: Mesh, skeleton: Callable[[], Skeleton | None]) -> BodyUp:
+    """The axis that the head of a person is towards who lies or is upside down; "y": of all others."""
+    person = skeleton()
+    axis = 1 if person is None else int(np.argmax(np.abs(person.up)))
+    if person is None or abs(person.up[axis]) < HEAD_UP:
+        return "y"
+    up = cast(BodyUp, f"{'-' if person.up[axis] < 0.0 else ''}{'xyz'[axis]}")
+    legs = np.mean([person.curves[leg][-1] for leg in (RIGHT_LEG, LEFT_LEG)], axis=0) - person.spine[0]
+    is_straight = float(-legs @ person.up) >= HEAD_UP * float(np.linalg.norm(legs))  # else it bends over
+    sits = up == "z" and lies(avatar.points, avatar.triangles.astype(np.int64))
+    return up if is_straight or sits else "y"
+
+
+def _may_have_z_up(spec: GarmentSpec | AvatarSpec) -> bool:
     return spec.up is None and spec.mesh is not None and spec.mesh.suffix.lower() in mesh_formats.PLAIN
 
 
@@ -221,7 +229,7 @@ def _scaled_or_stood_up(spec: GarmentSpec, mesh: Mesh, wearing: Wearing) -> Chan
     may_stand = _may_have_z_up(spec)
     readings: list[tuple[dict[str, Value], Points, str]] = []
     if may_stand:
-        stood = from_z_up(wearing.start)
+        stood = with_y_up(wearing.start)
         nearest = min(NEARER * _off_limbs(wearing), NEAR_LIMBS * wearing.skeleton.span)
         if _off_limbs(wearing.started_at(stood)) < nearest:
             return {"up": "z"}, "with y up its openings would be far from the limbs"
@@ -232,7 +240,7 @@ def _scaled_or_stood_up(spec: GarmentSpec, mesh: Mesh, wearing: Wearing) -> Chan
             scaled = wearing.start * (METRES_PER[unit] / metres)
             readings.append(({"units": unit}, scaled, f"in {mesh.unit}"))
             if may_stand:
-                readings.append(({"units": unit, "up": "z"}, from_z_up(scaled), f"in {mesh.unit}, or with y up,"))
+                readings.append(({"units": unit, "up": "z"}, with_y_up(scaled), f"in {mesh.unit}, or with y up,"))
     now, wrong = _wrong_share(wearing, wearing.start), [_wrong_share(wearing, points) for _, points, _ in readings]
     if not now > 0.5 or not min(wrong, default=1.0) <= 0.5 * now:
         return None
@@ -367,7 +375,7 @@ def _moved(spec: GarmentSpec, wearing: Wearing) -> Change | None:
     """The move onto the body of a garment that starts beside it, and may have z up; None: it cannot be sewn there."""
     found = _move_of(wearing)
     if found is None and _may_have_z_up(spec):
-        found = _move_of(wearing.started_at(from_z_up(wearing.start)))
+        found = _move_of(wearing.started_at(with_y_up(wearing.start)))
         if found is not None:
             return {"up": "z", "translate": found}, "it starts beside the body, and no limb would be in its openings"
     return None if found is None else ({"translate": found}, "it starts beside the body")

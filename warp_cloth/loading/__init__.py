@@ -1,6 +1,6 @@
 """Meshes from files: OBJ, PLY, STL, GLB/glTF and USD, checked, repaired and in metres."""
 
-from warp_cloth.loading.load import from_z_up, lies, load_mesh
+from warp_cloth.loading.load import lies, load_mesh, with_y_up
 from warp_cloth.loading.placement import Placement
 from warp_cloth.loading.poses import load_poses
 from warp_cloth.loading.repair import without_area
@@ -18,7 +18,6 @@ __all__ = [
     "Placement",
     "check_sizes",
     "fitting_reading",
-    "from_z_up",
     "is_of_fitting_size",
     "is_usual_size",
     "lies",
@@ -27,5 +26,6 @@ __all__ = [
     "load_mesh_once",
     "load_poses",
     "was_guessed",
+    "with_y_up",
     "without_area",
 ]

@@ -14,7 +14,7 @@ from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Folds, Mesh
 from warp_cloth.base.mesh_formats import GLTF, PLAIN, SUPPORTED, USD
-from warp_cloth.base.units import LengthUnit, UpAxis
+from warp_cloth.base.units import BodyUp, LengthUnit
 from warp_cloth.loading.decimals import half_step, shortest_decimals
 from warp_cloth.loading.generic import read_gltf, read_stl
 from warp_cloth.loading.obj import read_obj
@@ -36,6 +36,16 @@ REMOTE = {"http", "https", "ftp", "s3", "gs"}  # schemes of remote addresses
 
 # A body lies if it is nearly longest along z (arms may be stretched out) and less than half as high.
 LYING_LONG, LYING_LOW = 0.8, 0.5
+# Which coordinates become x, y and z, and their signs, as an up axis becomes y: a turn, by as little as does it; who is
+# upside down goes on facing the same way.
+TURNS: dict[BodyUp, tuple[list[int], list[float]]] = {
+    "y": ([0, 1, 2], [1.0, 1.0, 1.0]),
+    "z": ([0, 2, 1], [1.0, 1.0, -1.0]),
+    "-z": ([0, 2, 1], [1.0, -1.0, 1.0]),
+    "x": ([1, 0, 2], [-1.0, 1.0, 1.0]),
+    "-x": ([1, 0, 2], [1.0, -1.0, 1.0]),
+    "-y": ([0, 1, 2], [-1.0, -1.0, 1.0]),
+}
 FLAT = 0.02  # thinner parts, relative to their extent, are a floor, not a body
 
 
@@ -46,7 +56,7 @@ def load_mesh(
     key: str,
     prim: str | None = None,
     units: LengthUnit | None = None,
-    up: UpAxis | None = None,
+    up: BodyUp | None = None,
     rest: RestKey = "mesh",
     placement: Placement = AS_LOADED,
     data: bytes | None = None,
@@ -124,7 +134,7 @@ def _trims_of(sound: Repaired) -> dict[str, Any]:
     return {"trim_points": trims.points, "trim_triangles": triangles, "trim_map": trims.vertex_map}
 
 
-def _doubts(raw: RawMesh, sound: Repaired, role: Role, up: UpAxis | None) -> list[str]:
+def _doubts(raw: RawMesh, sound: Repaired, role: Role, up: BodyUp | None) -> list[str]:
     """Notes on what may be meant otherwise: the axis of a body, texture coordinates that are no panels."""
     notes = []
     if role == "avatar" and up is None and raw.axis_unknown and lies(sound.points, sound.triangles):
@@ -178,7 +188,7 @@ def _rest_in_metres(rest: Floats, metres: float) -> Floats:
 
 
 def read_raw(
-    path: Path, *, role: Role, key: str, prim: str | None, up: UpAxis | None = None, data: bytes | None = None
+    path: Path, *, role: Role, key: str, prim: str | None, up: BodyUp | None = None, data: bytes | None = None
 ) -> RawMesh:
     """Reads a file by its extension; ``up`` is the up axis of a format that does not state it.
 
@@ -209,17 +219,19 @@ def read_raw(
         raise InputError(path, problem, "the file is damaged: export it again") from error
 
 
-def _stood_up(raw: RawMesh, up: UpAxis | None) -> RawMesh:
+def _stood_up(raw: RawMesh, up: BodyUp | None) -> RawMesh:
     raw = replace(raw, axis_unknown=True)
-    if up != "z":
+    if up is None or up == "y":
         return raw
-    doubt = None if raw.doubt is None else raw.doubt[:, [0, 2, 1]]
-    return replace(raw, points=from_z_up(raw.points), doubt=doubt)
+    order, _ = TURNS[up]
+    doubt = None if raw.doubt is None else raw.doubt[:, order]
+    return replace(raw, points=with_y_up(raw.points, up), doubt=doubt)
 
 
-def from_z_up(points: Floats) -> Floats:
-    """Points of a file whose z axis points up, with the y axis up; shape [V, 3]."""
-    return points[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
+def with_y_up(points: Floats, up: BodyUp = "z") -> Floats:
+    """Points of a file whose ``up`` axis points up, with the y axis up; shape [V, 3]."""
+    order, signs = TURNS[up]
+    return points[:, order] * signs
 
 
 def content(path: Path, what: str = "mesh") -> bytes:

@@ -11,7 +11,7 @@ import numpy as np
 from warp_cloth.base import mesh_formats
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.base.units import METRES_PER, LengthUnit, UpAxis
+from warp_cloth.base.units import METRES_PER, BodyUp, LengthUnit
 from warp_cloth.loading.load import in_metres, read_raw
 from warp_cloth.loading.raw import RawMesh, check
 from warp_cloth.loading.usd import read_usd_samples
@@ -27,7 +27,7 @@ def load_poses(
     *,
     prim: str | None = None,
     units: LengthUnit | None = None,
-    up: UpAxis | None = None,
+    up: BodyUp | None = None,
 ) -> tuple[Points, ...]:
     """Vertices of ``avatar``, loaded from ``path``, in further poses [m], each shape [V, 3].
 

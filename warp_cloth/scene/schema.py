@@ -55,8 +55,7 @@ class CollisionSpec(Table):
     )
     cloth: ClothCollision = Field(
         default="auto",
-        description="Contact of cloth with cloth; auto: where it would cross; false: fewer iterations, but cloth may "
-        "pass through cloth.",
+        description="Cloth meets cloth; auto: where it would cross; false: fewer iterations, but it may cross.",
     )
 
     @field_validator("cloth", mode="before")

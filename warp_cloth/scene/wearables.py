@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import Field, ValidationInfo, field_serializer, field_validator, model_validator
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
+from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, BodyUp, LengthUnit, UpAxis
 from warp_cloth.material.fabric import Fabric, resolve_fabric
 from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.paths import checked_name, directory_of, path_from
@@ -120,12 +120,7 @@ class Wearable(Table):
     )
     units: LengthUnit | None = Field(
         default=None,
-        description="Length unit of the mesh file; by default as the file states, else as its size and the body show.",
-    )
-
-    up: UpAxis | None = Field(
-        default=None,
-        description="Up axis of an .obj, .ply or .stl file, which cannot state it; by default y, or as the body shows.",
+        description="Unit of the mesh file; by default as the file states, else as its size and the body show.",
     )
 
     @field_validator("mesh", mode="plain")
@@ -149,6 +144,10 @@ class Wearable(Table):
 class GarmentSpec(Wearable):
     """One garment: its mesh or shape, rest shape, fabric and pins."""
 
+    up: UpAxis | None = Field(
+        default=None,
+        description="Up axis of .obj, .ply or .stl, which cannot state it; by default y, or as the body shows.",
+    )
     name: str = Field(default="", description="Name in stage and report; by default that of prim, file or shape.")
     shape: GarmentShape | None = Field(default=None, description="A generated garment instead of a mesh; keys below.")
     pattern: Path | None = Field(
@@ -360,16 +359,20 @@ class GarmentSpec(Wearable):
 class AvatarSpec(Wearable):
     """The body that wears the garments; with poses, it moves and the garments follow."""
 
+    up: BodyUp | None = Field(
+        default=None,
+        description='Likewise; "-y": upside down.',
+    )
     shape: AvatarShape | None = Field(default=None, description="A generated avatar instead of a mesh; keys below.")
     measures: BodyMeasures | None = Field(
         default=None, description="A person's measures instead of a mesh: a mannequin that has them; keys below."
     )
     poses: tuple[Path, ...] | Literal["samples"] = Field(
         default=(),
-        description="Later poses: mesh files of the same topology, in order, or the time samples of the USD mesh.",
+        description="Later poses: mesh files of the same topology, in order, or the USD mesh's time samples.",
     )
     friction: Real = Field(
-        default=0.5, ge=0, le=10, description="Coulomb friction coefficient of cloth on the avatar; 0.5: cloth on skin."
+        default=0.5, ge=0, le=10, description="Friction coefficient of cloth on the avatar; 0.5: cloth on skin."
     )
 
     @field_validator("poses", mode="plain")
