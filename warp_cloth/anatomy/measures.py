@@ -245,6 +245,11 @@ class Figure:
         crotch, roots = self.trunk_ends
         return self._arms_join < crotch + ARMPITS * (roots - crotch)
 
+    @property
+    def shows_hip(self) -> bool:
+        """Whether the hips are as those of who stands."""
+        return self.legs_along(ASTRIDE)
+
     def _joined(self, height: float) -> bool:
         """Whether arms are part of the trunk's section at a height in the frame."""
         whole, bare = (trunk_level(mesh, height, self.middle) for mesh in (self.whole, self.trunk))
@@ -259,7 +264,7 @@ class Figure:
         found: dict[str, Measure] = {}
         for name in ("chest", "under_bust", "waist", "hip"):
             level = self.levels.get(name)
-            if name == "hip" and not self.legs_along(ASTRIDE):
+            if name == "hip" and not self.shows_hip:
                 found[name] = _missing(name, "the hips are bent, or the legs apart")
             elif self._lacks_armpits and name in ("chest", "under_bust"):
                 found[name] = _missing(name, "the arms are grown together with the trunk where it is to be")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from warp_cloth.anatomy.levels import Level, body_levels
+from warp_cloth.anatomy.levels import GIRTHS, Level, body_levels
 from warp_cloth.anatomy.measures import Figure
 from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
 from warp_cloth.base.mesh import Mesh
@@ -27,8 +29,21 @@ def stored_levels(body: Mesh) -> tuple[Level, ...] | None:
 def levels_of(body: Mesh, skeleton: Skeleton | None) -> tuple[Level, ...] | None:
     """Chest, waist and hip of a body that stands along y, by the ends of its trunk where its limbs are known.
 
-    None for anything else.
+    Of one that lacks limbs, or sits, those that it has. None for anything else.
     """
     figure = None if skeleton is None else Figure.of(body, skeleton)
-    stands = figure is not None and figure.frame[1] @ UP > STANDS
-    return body_levels(body, figure.trunk_ends if figure is not None and stands else None)
+    if figure is None or not figure.frame[1] @ UP > STANDS:
+        return body_levels(body)
+    found = body_levels(body, figure.trunk_ends) or _by_limbs(figure)
+    return tuple(level for level in found if level.name != "hip" or figure.shows_hip) or None
+
+
+def _by_limbs(figure: Figure) -> tuple[Level, ...]:
+    """The levels of a trunk along y, as far as the limbs tell where they are, without arms that are joined to it."""
+    to_xz = figure.frame[[0, 2]][:, [0, 2]]
+    found = (figure.levels.get(name) for name in ("chest", "waist", "hip"))
+    return tuple(
+        replace(level, section=replace(level.section, ends=level.section.ends @ to_xz))
+        for level in found
+        if level is not None and GIRTHS[0] <= level.girth <= GIRTHS[1]
+    )

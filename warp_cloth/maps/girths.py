@@ -21,6 +21,7 @@ MILLIMETRES = 1e3
 # A garment's chest is measured slightly below its armholes, and those of a wide garment hang low [m].
 LOWER = {"chest": 0.12}
 STEP = 0.01
+SLEEVED = 1.12  # times as long as one step below: a sleeve is part of it
 # A level lies across a fold where the girth is so many times that above and that below, within so many steps.
 FOLDED, NEARBY_STEPS = 1.05, (1, 2, 3, 4, 5)
 
@@ -38,11 +39,11 @@ class TrunkLevels:
     """Levels of a body at which garments are measured; those below the named ones are each found once."""
 
     def __init__(self, body: Mesh, levels: Sequence[Level]) -> None:
-        """``levels``: chest, waist and hip."""
+        """``levels``: of chest, waist and hip, one at least."""
         self.named = tuple(_Around(level) for level in levels)
         self._body, self._others = body, dict[float, "_Around | None"]()
-        low, high = body.bounds()
-        self.floor, self._middle = float(low[1]), 0.5 * float(low[0] + high[0])
+        low, _ = body.bounds()
+        self.floor, self._middle = float(low[1]), float(self.named[0].middle[0])
 
     def at(self, height: float) -> _Around | None:
         """The level at a height [m]; None where there is no trunk."""
@@ -122,10 +123,30 @@ def _girth_near(cloth: _Cloth, trunk: TrunkLevels, around: _Around) -> _Girth | 
             found, around, height = lower, body, level.height - drop
     if found is None or not found.closed:
         return found
+    if level.name in LOWER and height == level.height and not around.limbs:
+        found, around, height = _below_sleeves(cloth, trunk, around, found)
     above, below = (
         [_closed_girth(cloth, around, height + sign * STEP * step) for step in NEARBY_STEPS] for sign in (1.0, -1.0)
     )
     return _girth_off_fold(found, above, below)
+
+
+def _below_sleeves(cloth: _Cloth, trunk: TrunkLevels, around: _Around, found: _Girth) -> tuple[_Girth, _Around, float]:
+    """A chest's girth, its level and height [m], or those below the armholes where no arm tells sleeves from the rest.
+
+    There an empty sleeve is part of the ring, which is shorter at once where it leaves it.
+    """
+    name, start = around.level.name, around.level.height
+    here = found
+    for drop in np.arange(0.0, LOWER[name] + 0.5 * STEP, STEP)[1:]:
+        body = trunk.at(start - drop)
+        lower = None if body is None else _closed_girth(cloth, body, start - drop)
+        if body is None or lower is None or body.limbs:
+            break
+        if here.natural > SLEEVED * lower.natural:
+            return lower, body, start - drop
+        here = lower
+    return found, around, start
 
 
 def _girth_off_fold(found: _Girth, above: Sequence[_Girth | None], below: Sequence[_Girth | None]) -> _Girth:

@@ -93,7 +93,7 @@ class MeasuredBody:
     """A body with what girths are measured against; the same for all garments on it."""
 
     avatar: Mesh
-    trunk: TrunkLevels | None  # with chest, waist and hip; None: it does not stand
+    trunk: TrunkLevels | None  # with chest, waist or hip; None: it does not stand
 
     @classmethod
     def of(cls, avatar: Mesh) -> MeasuredBody:
