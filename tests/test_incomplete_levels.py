@@ -10,6 +10,7 @@ from bodies import sure_skeleton
 from cloths import tube
 
 from warp_cloth.anatomy.levels import body_levels
+from warp_cloth.anatomy.measures import Figure
 from warp_cloth.anatomy.skeleton import LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, TRUNK, Skeleton
 from warp_cloth.anatomy.stored_body import levels_of
 from warp_cloth.avatar.solid import closing_of
@@ -106,3 +107,14 @@ def test_empty_sleeves_are_left_out_where_no_arm_tells_them(body: Mesh, skeleton
     row = garment_girths("tube", wide, sleeved, trunk)[0]
     assert row["natural_girth"] == pytest.approx(plain["natural_girth"], rel=0.01)
     assert row["height"] < plain["height"] + 1.0
+
+
+def test_a_large_head_hides_no_chest(body: Mesh, skeleton: Skeleton) -> None:
+    """Arms' roots are estimated by stature and neck, too: they seem too high, and arms to join the trunk too low."""
+    chest, *_ = body_levels(body)
+    neck = skeleton.spine[-1] + [0.0, 0.05, 0.0]
+    above = np.maximum(body.points[:, 1] - neck[1], 0.0)
+    share = np.clip(above / 0.1, 0.0, 1.0)[:, None]
+    grown = replace(body, points=body.points + share * (2.2 - 1.0) * (body.points - neck) * (above[:, None] > 0.0))
+    figure = Figure.of(grown, sure_skeleton(grown))
+    assert figure.levels["chest"].girth == pytest.approx(chest.girth, abs=GIRTH)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats, row_lengths
-from warp_cloth.anatomy.levels import Heights, Level, trunk_level, trunk_levels, under_bust_level, width
+from warp_cloth.anatomy.levels import CHEST_OF_TRUNK, Heights, Level, trunk_level, trunk_levels, under_bust_level, width
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, RIGHT_ARM, STEP, TRUNK, Skeleton, without_loose_parts
 from warp_cloth.anatomy.stance import ASTRIDE, STATURE, UPRIGHT, Bones, Stance, stance_of
 from warp_cloth.anatomy.tape import Plane, Tape, longest, part_of, shortest, tape_round
@@ -29,6 +29,10 @@ NECK_TILTS = np.radians(np.arange(0.0, 41.0, 5.0))  # of the neck's tape, lower 
 JOINED = 1.1  # times as wide as without arms: arms are part of the section
 # Of the trunk, from the crotch to the arms' roots, where arms join its section at the lowest: at 0.87 in the heaviest.
 ARMPITS = 0.85
+# Of arms that are so far from the trunk [degrees] the armpits are where they join, at ARMPIT in most people; lower than
+# that, the head is large or the neck hidden, and the roots are estimated too high: by a fifth in the newborn. What
+# joins lower still is cloth, or a hand on the trunk.
+APART, ARMPIT, LOWEST_ARMPIT = 25.0, 0.95, 0.6
 NECKS, NECK_STEP = (0.78, 0.89), 0.005  # of the stature: where the neck's narrowest level section is looked for
 NECK_SHIFTS = np.linspace(-0.015, 0.015, 7)  # of the stature, along the neck, from there
 NECK_AROUND = 0.1  # of the stature, round its middle: what the tape may touch
@@ -212,6 +216,11 @@ class Figure:
         found = {level.name: level for level in trunk_levels(self.level_at, self._heights, self._arms_join)}
         if self._lacks_armpits:
             found.pop("chest", None)
+        elif self._join_low:
+            crotch, _ = self.trunk_ends
+            heights = self._heights.on_trunk(crotch, crotch + (self._arms_join - crotch) / ARMPIT)
+            lower = trunk_levels(self.level_at, heights, self._arms_join)
+            found.update((level.name, level) for level in lower if level.name == "chest")
         if "chest" in found and "waist" in found:
             below = under_bust_level(self.level_at, found["chest"], found["waist"])
             if below is not None:
@@ -236,14 +245,30 @@ class Figure:
     @cached_property
     def _arms_join(self) -> float:
         """Height in the frame from which arms are part of the trunk's section [m]; infinite: above the chest."""
-        joined = (float(height) for height in self._heights.chest if self._joined(float(height)))
+        crotch, roots = self.trunk_ends
+        lower = np.arange(LOWEST_ARMPIT, CHEST_OF_TRUNK[0], CHEST_OF_TRUNK[2]) if self._arms_apart else np.zeros(0)
+        heights = np.concatenate([crotch + lower * (roots - crotch), self._heights.chest])
+        joined = (float(height) for height in heights if self._joined(float(height)))
         return next(joined, np.inf)
 
     @property
     def _lacks_armpits(self) -> bool:
         """Whether arms are part of the trunk's section so low that where they leave it cannot be known."""
+        return self._joins_below(LOWEST_ARMPIT + CHEST_OF_TRUNK[2] if self._arms_apart else ARMPITS)
+
+    @property
+    def _arms_apart(self) -> bool:
+        """Whether both upper arms lead away from the trunk."""
+        return all(-float(arm.upper @ self.frame[1]) < np.cos(np.radians(APART)) for arm in self.stance.arms)
+
+    @property
+    def _join_low(self) -> bool:
+        """Whether arms join the trunk lower than by the estimate of their roots."""
+        return self._joins_below(ARMPITS)
+
+    def _joins_below(self, share: float) -> bool:
         crotch, roots = self.trunk_ends
-        return self._arms_join < crotch + ARMPITS * (roots - crotch)
+        return self._arms_join < crotch + share * (roots - crotch)
 
     @property
     def shows_hip(self) -> bool:
