@@ -191,7 +191,7 @@ class GarmentSpec(Wearable):
     )
     rest: RestShape = Field(
         default="auto",
-        description="Natural lengths: of the mesh as modelled, of its panels in texture space (uv), or of a USD rest "
+        description="Natural lengths: as modelled, of panels in texture space (uv), or a USD rest "
         "shape; auto: as the mesh shows.",
     )
     rest_angles: RestAngles = Field(
