@@ -18,7 +18,17 @@ from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.facings import is_facing
 from warp_cloth.pattern.kinds import Named
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.roles import Roles, Shape, hood_roles, is_strip, leg_roles, pants_roles, sleeve_roles, upright
+from warp_cloth.pattern.roles import (
+    SHOULDER_FALL,
+    Roles,
+    Shape,
+    hood_roles,
+    is_strip,
+    leg_roles,
+    pants_roles,
+    sleeve_roles,
+    upright,
+)
 
 SURE, UNSURE = 0.85, 0.65  # how sure a kind is by shape; the latter where front and back are hardly told apart
 ALIKE = 0.04  # relative difference of edges that are sewn together
@@ -30,7 +40,6 @@ LEAST_HOOD = 0.2  # [m] of its face, and of its centre
 FACED = 0.6  # of the area of the piece behind which a facing lies
 POCKET = 0.15  # of the largest piece's area, that a piece has at most which is left unknown
 MIRRORED = 2e-3  # [m] by which edges of mirror images differ
-SHOULDER_FALL = 0.14  # height over width, of a shoulder at least
 LEAST_SIDE = 0.12  # [m] of a bodice's side, and of an inseam
 # Length of a band, over that of the edges that it goes round
 BANDS = {"collar": (0.75, 1.03), "waistband": (0.8, 1.03), "hem_band": (0.7, 1.03), "cuff": (0.5, 1.03)}

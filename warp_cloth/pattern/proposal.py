@@ -41,6 +41,7 @@ from warp_cloth.pattern.runs import (
     run_of,
 )
 from warp_cloth.pattern.sleeves import proposed_sleeves
+from warp_cloth.pattern.slits import is_slit
 from warp_cloth.pattern.specification import Side
 from warp_cloth.pattern.straps import proposed_straps
 from warp_cloth.pattern.tiers import proposed_tiers
@@ -120,8 +121,10 @@ def _darts(parts: Sequence[Part]) -> Iterable[Joint]:
     for panel, part in enumerate(parts):
         slits = [slit for side in (LEFT, RIGHT) for slit in slits_of(parts, panel, side)] if has_gusset else []
         for one, other in part.shape.darts:
-            sure = DOUBTED if (one, other) in slits else 1.0
-            yield from joint_of(parts, (Side(panel, one),), (Side(panel, other),), "dart", sure=sure)
+            is_open = is_slit(part, (one, other))
+            sure = DOUBTED if (one, other) in slits or is_open else 1.0
+            reason = "dart, or a slit that stays open" if is_open else "dart"
+            yield from joint_of(parts, (Side(panel, one),), (Side(panel, other),), reason, sure=sure)
 
 
 def _bodices(parts: Sequence[Part]) -> Iterable[Joint]:

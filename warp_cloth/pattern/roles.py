@@ -19,6 +19,7 @@ BENT = np.radians(40.0)  # turn of a corner at which another edge begins
 DART = np.radians(110.0)  # how far the outline turns back at a dart's tip
 DART_ALIKE = 0.05  # relative difference of a dart's legs
 WIDEST_DART = 0.11  # [m] between their ends; what opens wider is a pointed neckline
+SHOULDER_FALL = 0.14  # height over width, of a shoulder at least
 STRIP, NAMED_STRIP = 2.5, 1.15  # length over width; of a straight piece that its name makes a band, as a deep cuff
 STEEP = 0.75  # |dy| of an underarm edge, per length
 BOWED_END = 0.08  # of the chord, that the top of a sleeve bows, and its hem does not
@@ -54,9 +55,19 @@ class Shape:
             one, other = self.edges[k], self.edges[(k + 1) % count]
             alike = abs(one.length - other.length) <= DART_ALIKE * max(one.length, other.length)
             is_narrow = float(np.hypot(*(other.end - one.start))) <= WIDEST_DART
-            if count > 4 and alike and is_narrow and self.turn_after(k) < -DART:
+            is_dart = count > 4 and alike and is_narrow and self.turn_after(k) < -DART
+            if is_dart and not self._is_between_shoulders(k):
                 found.append((k, (k + 1) % count))
         return tuple(found)
+
+    def _is_between_shoulders(self, k: int) -> bool:
+        """Whether two legs from this edge on are a pointed neckline: straight edges fall away from both their ends."""
+        outer = ((k - 1) % len(self.edges), (k + 2) % len(self.edges))
+        falls = (self.chord(outer[0])[1], -self.chord(outer[1])[1])
+        return all(
+            self.is_straight(edge) and fall > SHOULDER_FALL * abs(self.chord(edge)[0]) and self.chord(edge)[0] < 0.0
+            for edge, fall in zip(outer, falls, strict=True)
+        )
 
     def turn_after(self, k: int) -> float:
         """The angle by which the outline turns at an edge's end [rad], positive to the left."""
