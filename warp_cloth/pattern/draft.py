@@ -21,11 +21,13 @@ from warp_cloth.pattern.kinds import (
     SIDE_PANEL,
     SKIRTS,
     UNDER_SLEEVE,
+    YOKE_OF,
     YOKES,
     named,
     without_side,
 )
 from warp_cloth.pattern.middles import with_middles
+from warp_cloth.pattern.one_shoulder import one_shoulder_roles, slants
 from warp_cloth.pattern.panel_roles import half_skirt_roles, parted_at_underarm
 from warp_cloth.pattern.part_roles import roles_of, side_of
 from warp_cloth.pattern.piece import Piece
@@ -34,6 +36,7 @@ from warp_cloth.pattern.pocket_openings import without_pocket_openings
 from warp_cloth.pattern.roles import Roles, Shape, concave_count, is_strip, pants_roles, upright
 from warp_cloth.pattern.round_skirts import ring_of
 from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
+from warp_cloth.pattern.strapless import strapless_roles
 from warp_cloth.pattern.tier_strips import with_faces_of_tiers
 from warp_cloth.pattern.tops import Top, is_at_neck, top_of
 
@@ -189,6 +192,7 @@ def _is_lone_half(piece: Piece, said: Stated, part: Part, pieces: Sequence[Piece
         and piece.what.side == BOTH
         and said.place in (None, part.kind)
         and (copies is None or sum(copies) == 1)
+        and not slants(part.shape, part.roles.get("waist", part.roles.get("neck", ())))
     )
 
 
@@ -270,7 +274,8 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: Top) -> Par
     copies = said.copies or piece.copies
     is_half = kind in SKIRTS and piece.mirror is None and (copies is None or all(copies))
     ring = brief or (ring_of(piece.edges, is_half) if kind in (*SKIRTS, "gore") else None)
-    turn = upright(piece.edges, kind)[1] * np.eye(2)  # half a turn keeps the warp along y
+    is_strapless = top.is_strapless and kind in YOKE_OF
+    turn = (1.0 if is_strapless else upright(piece.edges, kind)[1]) * np.eye(2)  # half a turn keeps the warp along y
     up = UPWARDS
     if ring is not None:
         turn, up = (np.eye(2), ring.up) if abs(ring.up[0]) > ASLANT else (np.sign(ring.up[1]) * np.eye(2), UPWARDS)
@@ -285,11 +290,17 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: Top) -> Par
                 kind, side, up, {}, sure, holes, darts)  # fmt: skip
     shape = part.shape
     roles = roles_of(kind, shape, mirror is not None, kind in panelled, kind in top.yoked)
+    if top.has_one_shoulder and kind in YOKE_OF:
+        return replace(part, roles=one_shoulder_roles(shape))
+    if is_strapless:
+        return replace(part, roles=strapless_roles(shape))
     if ring is not None:
         roles = ring.roles
     elif kind in SKIRTS and mirror is None:
         roles = half_skirt_roles(shape) or roles
     if mirror is not None and not _are_mirrored(roles, mirror):
+        part = replace(part, sure=MISREAD * sure)
+    if mirror is None and "centre" in roles and slants(shape, roles.get("waist", roles.get("neck", ()))):
         part = replace(part, sure=MISREAD * sure)
     return replace(part, roles=roles, side=side or side_of(kind, shape, roles, mirror is not None))
 
@@ -312,6 +323,8 @@ def _worn_on(piece: Piece, face: str, top: Top) -> str:
     Where the other one is of a bodice, this one is, too, though its neck be cut straight, or all its top, as below
     straps: that, if no other piece is named so, which a skirt may have.
     """
+    if top.has_one_shoulder or top.is_strapless:
+        return face
     shape = Shape(piece.edges, upright(piece.edges, face))
     hollow = concave_count(shape)
     if piece.mirror is not None:

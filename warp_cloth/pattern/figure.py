@@ -17,6 +17,7 @@ UP = np.array([0.0, 1.0, 0.0])
 HAND, ANKLE = 0.11, 0.055  # of the span: length of a hand, height of an ankle above the sole
 NARROW = 0.05  # of the span: how far from the middle the crotch is looked for
 SHOULDER = (0.05, 0.07)  # of the span: how far from the middle shoulders are next to the neck
+ARMPIT = 0.7  # of the way from the waist up to where arms leave the trunk
 ABOVE_SHOULDER = 0.05  # [m] from there to where the top of a front or back starts; armholes then lie round the arms
 
 
@@ -41,6 +42,12 @@ class Figure:
 
     def across(self, x: float) -> Floats:
         return self.left * x
+
+    @property
+    def armpit(self) -> float:
+        """Its height, on the usual way from the waist to where arms leave the trunk."""
+        waist = float(self.middle[1])
+        return waist + ARMPIT * (float(min(arm[0, 1] for arm in self.arms)) - waist)
 
     def at_height(self, y: float) -> Floats:
         """The trunk's middle at a height."""

@@ -1,4 +1,4 @@
-"""Levels of a part across its grain: how wide it is at each, and directions that are the same at all."""
+"""Levels of a part across its grain: how wide it is at each, where its armpits are, and directions alike at all."""
 
 from __future__ import annotations
 
@@ -26,3 +26,10 @@ def spans(part: Part, at: float | None = None) -> tuple[Floats, Floats, Floats]:
 
 def repeated(across: Floats, outward: Floats, count: int = LEVELS) -> tuple[Floats, Floats]:
     return np.tile(across, (count, 1)), np.tile(outward, (count, 1))
+
+
+def armpit_of(part: Part) -> float:
+    """How far below its top the sides of a front or back end [m]."""
+    sides = [k for role, run in part.roles.items() if role.startswith("side") for k in run]
+    highest = max((float(part.shape.turned[k].points[:, 1].max()) for k in sides), default=float(part.shape.box[1][1]))
+    return float(part.shape.box[1][1]) - highest

@@ -14,13 +14,14 @@ from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.figure import UP, Figure
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, LEFT, STRIPS, YOKE_OF
-from warp_cloth.pattern.levels import LEVELS, WHOLE_TURN, repeated, spans
+from warp_cloth.pattern.levels import LEVELS, WHOLE_TURN, armpit_of, repeated, spans
 from warp_cloth.pattern.placing_bands import band
 from warp_cloth.pattern.placing_gores import cone, gore
 from warp_cloth.pattern.placing_sleeves import half_sleeve, sleeve, under_sleeve
 from warp_cloth.pattern.placing_straps import below_straps, strap
 from warp_cloth.pattern.runs import faces_of, role_of
 from warp_cloth.pattern.specification import Side
+from warp_cloth.pattern.strapless import STRAPLESS
 from warp_cloth.pattern.straps import STRAP
 from warp_cloth.pattern.tiers import above_of
 from warp_cloth.pattern.wrap import Laid, Wrap, flat_wrap
@@ -146,6 +147,8 @@ def _trunk(part: Part, figure: Figure, is_front: bool, side_panels: float = 0.0,
 def _top(part: Part, figure: Figure) -> float:
     """The height at which the top of a front or back starts."""
     if not part.kind.removeprefix("side_").startswith(("skirt", "tier")):
+        if STRAPLESS in part.roles:
+            return figure.armpit + armpit_of(part)
         is_bib = BIB in part.roles  # above the waist
         return float(figure.middle[1] + np.ptp(part.shape.box, axis=0)[1] if is_bib else figure.neck[1])
     if "crotch" in part.roles:  # of briefs, which end there

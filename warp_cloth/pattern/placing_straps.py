@@ -11,7 +11,7 @@ from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.figure import Figure
 from warp_cloth.pattern.joints import Joint
-from warp_cloth.pattern.levels import LEVELS
+from warp_cloth.pattern.levels import LEVELS, armpit_of
 from warp_cloth.pattern.runs import parts_of_kind
 from warp_cloth.pattern.straps import STRAP, has_straps
 from warp_cloth.pattern.wrap import Laid, Wrap
@@ -79,12 +79,5 @@ def below_straps(parts: Sequence[Part], index: int, figure: Figure) -> float:
         return 0.0
     lengths = [float(max(np.ptp(np.array(parts[each].shape.box), axis=0))) for each in parts_of_kind(parts, STRAP)]
     lowered = max(0.5 * (max(lengths) - figure.front - figure.back), 0.0)
-    deepest = max(_armpit(part) for part in parts if has_straps(part))
-    return lowered + deepest - _armpit(parts[index])
-
-
-def _armpit(part: Part) -> float:
-    """How far below its top the sides of a front or back end [m]."""
-    sides = [k for role, run in part.roles.items() if role.startswith("side") for k in run]
-    highest = max((float(part.shape.turned[k].points[:, 1].max()) for k in sides), default=float(part.shape.box[1][1]))
-    return float(part.shape.box[1][1]) - highest
+    deepest = max(armpit_of(part) for part in parts if has_straps(part))
+    return lowered + deepest - armpit_of(parts[index])

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from warp_cloth.pattern.briefs import briefs_sure
 from warp_cloth.pattern.by_shape import is_bodice
 from warp_cloth.pattern.kinds import COLLARS, HALF_SLEEVES, LEFT, RIGHT, YOKE_OF
+from warp_cloth.pattern.one_shoulder import have_one_shoulder
 from warp_cloth.pattern.panel_roles import yoke_roles
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.roles import Shape, concave_count, upright
+from warp_cloth.pattern.strapless import are_strapless
 
 LOWER = ("leg", "skirt", "waistband")  # kinds of what may hang from straps, too
 TOPS = ("sleeve", *HALF_SLEEVES, *COLLARS, "hood")
@@ -26,6 +28,8 @@ class Top:
     has_half_bodice: bool  # half a front or back has, as a waistcoat's
     lone: frozenset[str]  # of "front" and "back" those that one piece is named, or one for either side
     briefs: float | None  # how sure its fronts and backs are of briefs; None: not at all
+    has_one_shoulder: bool
+    is_strapless: bool
     has_lone_skirt: bool  # one piece is a skirt's, by its name, and none its front or back
 
 
@@ -44,7 +48,10 @@ def top_of(kinds: Set[str], pieces: Sequence[Piece]) -> Top:
     is_one = has_top or bool(yokes)
     briefs = None if is_one or "strap" in kinds else _briefs_sure(pieces)
     has_bodice, has_half_bodice = has_bodice and briefs is None, has_half_bodice and briefs is None
-    return Top(is_one, frozenset(faces), has_bodice, has_half_bodice, lone, briefs, skirts == ["skirt"])
+    has_lower = any(kind.startswith(LOWER) for kind in kinds)
+    is_strapless = not is_one and briefs is None and not has_lower and are_strapless(pieces)
+    return Top(is_one, frozenset(faces), has_bodice, has_half_bodice, lone, briefs,
+               have_one_shoulder(pieces), is_strapless, skirts == ["skirt"])  # fmt: skip
 
 
 def _hangs_from_straps(kinds: Set[str], pieces: Sequence[Piece]) -> bool:
