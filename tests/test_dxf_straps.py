@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dxf_everyday import EVERYDAY
-from dxf_patterns import Drafted, Style, band, bezier, line, trousers, tshirt, write
+from dxf_patterns import Drafted, Style, band, bezier, half_body, line, trousers, tshirt, write
 from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
@@ -130,6 +130,39 @@ def test_what_has_shoulders_hangs_from_no_straps(tmp_path: Path) -> None:
     front, back, *_ = tshirt()
     draft = read_drafted(write(tmp_path / "a.dxf", {"M": [front, back, band("SHOULDER STRAP", 12.0, 4.0, "2")]}))
     assert kinds(draft) == {"shoulder": 2, "side": 2}
+
+
+def level(name: str, top: float, depth: float) -> Drafted:
+    """Half a camisole with a V neckline that ends at a level edge of 4 cm."""
+    under, outer, inner, low = (23.0, 34.0), (11.0, top), (7.0, top), (0.0, top - depth)
+    arm = bezier(under, (17.0, 35.0), (13.0, 40.0), outer)
+    sides = line((0.0, 0.0), (23.0, 0.0)), line((23.0, 0.0), under)
+    edges = [*sides, arm, line(outer, inner), line(inner, low), line(low, (0.0, 0.0))]
+    return Drafted(name, edges, "1", (low, (0.0, 0.0)))
+
+
+@pytest.mark.parametrize("wide", [1.5, 2.0, 4.0])
+def test_a_strap_is_sewn_on_the_middle_of_a_wider_end(wide: float, tmp_path: Path) -> None:
+    """Too low for shoulders, so that the edges are not sewn to each other."""
+    pieces = [level("FRONT", 48.0, 16.0), level("BACK", 46.0, 8.0), band("STRAP", 20.0, wide, "2")]
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": pieces}))
+    assert kinds(draft) == LEFT_AND_RIGHT
+    for part in draft.parts[:2]:
+        (edge,) = part.roles["strap+"]
+        assert abs(float(part.edges[edge].points[:, 0].mean())) == pytest.approx(0.09, abs=1e-3)
+
+
+@pytest.mark.parametrize("wide", [3.0, 6.0])
+def test_tabs_on_shoulders_are_no_straps(wide: float, tmp_path: Path) -> None:
+    bodies = [half_body(name, 24.0, 60.0, 8.0, depth, 14.0) for name, depth in (("FRONT", 14.0), ("BACK", 6.0))]
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": [*bodies, band("STRAP", 8.0, wide, "2")]}))
+    assert kinds(draft) == {"shoulder": 2, "side": 2}
+
+
+def test_an_underband_goes_round_the_hem(tmp_path: Path) -> None:
+    pieces = [hollow("FRONT", 44.0, 7.0), hollow("BACK", 38.0, 2.0), band("UNDERBAND", 72.0, 4.0)]
+    found = kinds(read_drafted(write(tmp_path / "a.dxf", {"M": [*pieces, band("STRAP", 36.0, 1.2, "2")]})))
+    assert found == LEFT_AND_RIGHT | {"hem band": 1, "hem_band ends": 1}
 
 
 def test_straps_of_a_level_top_before_and_behind_are_asked_for(tmp_path: Path) -> None:

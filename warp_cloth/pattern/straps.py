@@ -17,6 +17,7 @@ from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
+from warp_cloth.pattern.levels import armpit_of
 from warp_cloth.pattern.parting import marks_along, parted
 from warp_cloth.pattern.roles import Roles, Shape
 from warp_cloth.pattern.runs import joint_of, parts_of_kind, role_of, run_of, side_mark
@@ -24,6 +25,10 @@ from warp_cloth.pattern.runs import joint_of, parts_of_kind, role_of, run_of, si
 STRAP_EASE = (-0.4, 2.5)  # a strap is folded lengthwise, or gathered, where it is sewn on
 AS_WIDE = (0.35, 1.7)  # of the strap's width, how long an edge is at which it ends
 POINTED = np.radians(50.0)  # least turn at the corner on either side of which a strap is sewn
+MOST_WIDE = 3.0  # of the strap's width, how long a level edge is on whose middle it ends
+# Of a garment's width in front and behind, that is the way from armpit to armpit at least: by straps narrower than the
+# shoulders, and by others
+OVER_SHOULDER = 0.34, 0.42
 FLAT = 0.35  # |dy| over |dx| of a level top
 NEAR_NOTCH = 0.05  # [m] from where the strap's other end is, across, within which a notch marks this one
 AT_NOTCH, ACROSS = 1.0, 0.88  # how sure the place on a level top is: at a notch, or as far out as the other end
@@ -54,8 +59,8 @@ def with_straps(parts: Sequence[Part]) -> tuple[Part, ...]:
         if any(len(own) != 1 for own in owners):
             return tuple(parts)
         panels = [own[0] for own in owners]
-        if any(_has_shoulder(out[panel], side, width) for panel, width in zip(panels, wide, strict=True)):
-            return tuple(parts)  # what is called straps there are epaulettes, or tabs
+        if _have_shoulders([out[panel] for panel in panels], side, wide):
+            return tuple(parts)
         ends = [_end(out[panel], side, width) for panel, width in zip(panels, wide, strict=True)]
         for here, there in ((0, 1), (1, 0)):
             known = ends[there]
@@ -93,11 +98,27 @@ def _pair(parts: Sequence[Part]) -> tuple[int, ...]:
     return tuple(sorted(straps, key=lambda index: (-parts[index].side, index)))
 
 
-def _has_shoulder(part: Part, side: int, wide: float) -> bool:
-    """Whether a front or back has a shoulder of its own, longer than a strap of this width needs."""
-    run, armhole = (role_of([part], 0, role, side) for role in ("shoulder", "armhole"))
+def _have_shoulders(parts: Sequence[Part], side: int, wide: Sequence[float]) -> bool:
+    """Whether a front and a back meet on the shoulder by themselves: as high above their sides as the way over it is.
+
+    That way is long for a garment's width. What is called straps there are epaulettes, or tabs. Where straps are as
+    wide as the shoulders it is to be longer, as they may belong there.
+    """
     # without an armhole it is the slanting edge of a top that hangs from straps
-    return bool(run and armhole) and part.shape.length(run) > AS_WIDE[1] * wide
+    shoulders = [role_of([part], 0, "shoulder", side) if role_of([part], 0, "armhole", side) else () for part in parts]
+    if not any(shoulders):
+        return False
+    lengths = [part.shape.length(run) for part, run in zip(parts, shoulders, strict=True)]
+    is_wider = any(long > AS_WIDE[1] * width for long, width in zip(lengths, wide, strict=True))
+    way = sum(armpit_of(part) for part in parts) / max(sum(_chest(part, side) for part in parts), 1e-9)
+    return way > OVER_SHOULDER[0 if is_wider else 1]
+
+
+def _chest(part: Part, side: int) -> float:
+    """How wide a part is where its sides end, or half of it is twice [m]."""
+    tops = [part.shape.turned[k].points for k in role_of([part], 0, "side", side)]
+    points = np.concatenate(tops) if tops else np.array(part.shape.box)
+    return 2.0 * abs(float(points[points[:, 1].argmax(), 0]) - _middle(part))
 
 
 def _sign(part: Part, side: int) -> float:
@@ -167,6 +188,8 @@ def _end_at_corner(
     """The end of the one level top that is at a corner, as long as a strap is wide, or half of it all."""
     (run,) = levels
     long = shape.length(run)
+    if AS_WIDE[1] * wide < long <= MOST_WIDE * wide:  # as a shoulder's: on its middle
+        return _End(run, (0.5 * (long - wide), 0.5 * (long + wide)), ACROSS)
     is_both = (shape.turned[run[0]].start[0] - middle) * (shape.turned[run[-1]].end[0] - middle) < 0.0
     taken = min(wide, 0.5 * long if is_both else long)
     return _End(run, (0.0, taken) if run[0] == shape.order[tip] else (long - taken, long))

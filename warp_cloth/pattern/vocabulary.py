@@ -34,6 +34,7 @@ WORDS = (
     (
         "hem_band",
         r"(?<!sleeve )(?<!arm )(hem|bottom|btm)[ _-]*(band|rib)|rib[ _-]*(hem|bottom|btm)"
+        r"|\bunder ?band|unterbrustband|\bbra ?band\b"
         r"|saumb(ue|u)ndchen|b(ue|u)ndchen (saum|unten)"
         r"|saumbund|bord[ _-]*cote[ _-]*(bas|ourlet)|(bajo|cintura|dobladillo) (de )?(canale|rib)"
         r"|fondo costina|xia ?bai|下摆|下脚罗纹|裾リブ",
