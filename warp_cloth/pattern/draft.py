@@ -41,7 +41,7 @@ from warp_cloth.pattern.tier_strips import with_faces_of_tiers
 from warp_cloth.pattern.tops import Top, is_at_neck, top_of
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
-SINGLE = ("front", "back", "collar", "waistband", "hem_band", *YOKES, *SKIRTS)
+SINGLE = ("front", "back", "bib", "collar", "waistband", "hem_band", *YOKES, *SKIRTS)
 MIRROR = np.diag([-1.0, 1.0])
 UPWARDS = np.array([0.0, 1.0])
 ASLANT = 0.05  # across the grain, of the way up of a quarter of a ring

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from warp_cloth.pattern.vocabulary import (
     BESIDE,
+    BIB_WORDS,
     INNER_CLOTH,
     LEFT_WORDS,
     RIB,
@@ -215,10 +216,20 @@ def named_all(texts: Sequence[Sequence[str]]) -> list[Named]:
         if re.search(INNER_CLOTH, plain(material)):
             what = replace(what, kind="none")
         found.append(what)
+    found = [
+        _as_bib(found) if not what.kind and re.search(BIB_WORDS, plain(name)) else what
+        for what, (name, _, _) in zip(found, texts, strict=True)
+    ]
     found = _by_code_sets(texts, found)
     # "right side front" may mean the side of the wearer: a side panel has a middle one next to it, if by another name
     whole = {what.kind for what in found if not what.panel}
     return [what if {what.kind, ""} & whole or not what.kind else replace(what, panel="") for what in found]
+
+
+def _as_bib(found: Sequence[Named]) -> Named:
+    """A piece named a bib: on a waistband; without one it is sewn to the waist as a front, if nothing else is one."""
+    kinds = {what.kind for what in found}
+    return Named("bib" if "waistband" in kinds else "" if "front" in kinds else "front")
 
 
 def _by_code_sets(texts: Sequence[Sequence[str]], found: Sequence[Named]) -> list[Named]:

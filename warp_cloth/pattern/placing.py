@@ -66,6 +66,7 @@ def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Laid | None:
     by_kind: dict[str, Callable[[], Laid | None]] = {
         "front": lambda: _bodice(parts, index, figure, True),
         "back": lambda: _bodice(parts, index, figure, False),
+        BIB: lambda: _trunk(part, figure, True) if BIB in part.roles else None,
         "yoke": lambda: _trunk(part, figure, False) if part.roles else None,
         "front_yoke": lambda: _trunk(part, figure, True) if part.roles else None,
         "side_front": lambda: _side_panel(parts, index, figure, True),

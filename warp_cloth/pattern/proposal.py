@@ -21,6 +21,7 @@ from warp_cloth.pattern.band_rings import (
     skirt_fronts_cross,
 )
 from warp_cloth.pattern.bands_in_two import proposed_halves
+from warp_cloth.pattern.bibs_on_bands import proposed_bibs
 from warp_cloth.pattern.collars import proposed_collars
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.godets import with_godets
@@ -72,6 +73,7 @@ def proposed_joints(parts: Sequence[Part]) -> tuple[Joint, ...]:
         *proposed_gussets(parts),
         *proposed_yokes(parts),
         *proposed_straps(parts),
+        *proposed_bibs(parts),
         *proposed_sleeves(parts),
         *_legs(parts),
         *_hoods(parts),

@@ -15,7 +15,7 @@ PLAIN_EASE = (-0.02, 0.02)  # longer side over shorter, less 1: as drafted
 DOUBTED = 0.7  # factor on the confidence of a seam that has a rival, or that another piece may belong into
 NOTCH_NEAR = 6e-3  # [m] between notches that belong together
 
-FRONTS = ("front", "front_yoke", "skirt_front", "side_front", "side_skirt_front", "tier_front")
+FRONTS = ("front", "front_yoke", "skirt_front", "side_front", "side_skirt_front", "tier_front", "bib")
 
 Run = tuple[int, ...]
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from warp_cloth.pattern.bibs import with_bibs
+from warp_cloth.pattern.bibs_on_bands import with_bibs_on_bands
 from warp_cloth.pattern.collars import with_collars
 from warp_cloth.pattern.draft import Part, Stated, parts_of
 from warp_cloth.pattern.godets import with_marks_of_godets
@@ -59,6 +60,7 @@ def _made(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -> t
     parts = with_narrow_ends_doubted(with_tiers(with_straps(parts)))
     parts, layers = with_single_layers(with_skirt_panels(parts))
     parts, halves = with_whole_bands(parts)
+    parts = with_bibs_on_bands(parts)
     parts, collars = with_collars(with_marks_of_godets(parts))
     return parts, [*notes, *bibs, *layers, *halves, *collars]
 

@@ -47,7 +47,7 @@ class _End:
 
 def with_straps(parts: Sequence[Part]) -> tuple[Part, ...]:
     """The parts, their edges parted where the two straps of a garment end; unchanged where these fit nowhere."""
-    straps = _pair(parts)
+    straps = pair_of_straps(parts)
     tops = [parts_of_kind(parts, face) for face in ("front", "back")]
     if not straps or not all(tops) or parts_of_kind(parts, "sleeve", "hood", "yoke", "front_yoke", "collar", "stand"):
         return tuple(parts)
@@ -61,15 +61,15 @@ def with_straps(parts: Sequence[Part]) -> tuple[Part, ...]:
         panels = [own[0] for own in owners]
         if _have_shoulders([out[panel] for panel in panels], side, wide):
             return tuple(parts)
-        ends = [_end(out[panel], side, width) for panel, width in zip(panels, wide, strict=True)]
+        ends = [end_of_strap(out[panel], side, width) for panel, width in zip(panels, wide, strict=True)]
         for here, there in ((0, 1), (1, 0)):
             known = ends[there]
             if ends[here] is None and known is not None:
-                ends[here] = _end_across(out[panels[here]], side, wide[here], _across(out[panels[there]], known))
+                ends[here] = _end_across(out[panels[here]], side, wide[here], across_of(out[panels[there]], known))
         for panel, end in zip(panels, ends, strict=True):
             if end is None:
                 return tuple(parts)
-            out[panel] = _with_end(out[panel], side, end)
+            out[panel] = with_end(out[panel], side, end)
             sure = min(sure, end.sure)
     for strap, side in zip(straps, (LEFT, RIGHT), strict=True):
         out[strap] = replace(out[strap], side=side, sure=sure * out[strap].sure)
@@ -79,8 +79,8 @@ def with_straps(parts: Sequence[Part]) -> tuple[Part, ...]:
 def proposed_straps(parts: Sequence[Part]) -> Iterable[Joint]:
     """The seams at both ends of each strap whose ends ``with_straps`` found."""
     for strap in (index for index in parts_of_kind(parts, STRAP) if parts[index].side != BOTH):
-        for face, end in (("front", "end"), ("back", "end2")):
-            for top in parts_of_kind(parts, face):
+        for faces, end in ((("front", BIB), "end"), (("back", "waistband"), "end2")):
+            for top in parts_of_kind(parts, *faces):
                 run = run_of(top, role_of(parts, top, STRAP, parts[strap].side), True)
                 yield from joint_of(parts, run_of(strap, parts[strap].roles[end]), run, STRAP, STRAP_EASE)
 
@@ -90,7 +90,7 @@ def has_straps(part: Part) -> bool:
     return any(role.startswith(STRAP) for role in part.roles)
 
 
-def _pair(parts: Sequence[Part]) -> tuple[int, ...]:
+def pair_of_straps(parts: Sequence[Part]) -> tuple[int, ...]:
     """The left and the right one of two straps; empty where there are not two."""
     straps = [index for index in parts_of_kind(parts, STRAP) if "end" in parts[index].roles]
     if len(straps) != 2 or len(parts_of_kind(parts, STRAP)) != 2:
@@ -134,7 +134,7 @@ def _middle(part: Part) -> float:
     return float(low[0] if _sign(part, part.side) > 0.0 else high[0])
 
 
-def _end(part: Part, side: int, wide: float) -> _End | None:
+def end_of_strap(part: Part, side: int, wide: float) -> _End | None:
     """Where a strap of a width ends at the highest place of a part's half, if the shape tells it."""
     shape, order = part.shape, part.shape.order
     middle, sign = _middle(part), _sign(part, side)
@@ -195,7 +195,7 @@ def _end_at_corner(
     return _End(run, (0.0, taken) if run[0] == shape.order[tip] else (long - taken, long))
 
 
-def _across(part: Part, end: _End) -> float:
+def across_of(part: Part, end: _End) -> float:
     """How far from the middle a strap ends [m]."""
     return abs(float(_at(part, end.run, 0.5 * sum(end.places))[0]) - _middle(part))
 
@@ -230,7 +230,7 @@ def _end_across(part: Part, side: int, wide: float, far: float) -> _End | None:
     return _End(run, (first, last), AT_NOTCH if len(marked) == 1 else ACROSS)
 
 
-def _with_end(part: Part, side: int, end: _End) -> Part:
+def with_end(part: Part, side: int, end: _End) -> Part:
     """A part whose edges are parted where a strap ends, and are no shoulder there."""
     long = part.shape.length(end.run)
     inner = [place for place in end.places if 1e-9 < place < long - 1e-9]

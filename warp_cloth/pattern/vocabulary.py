@@ -125,6 +125,8 @@ RUFFLE = (
 )
 # One of the strips of a skirt that are gathered one below another
 TIER = r"\btier(s|ed)?\b|\bstufen?\b|\bstufenrock|\betages?\b|\bescalon(es)?\b|ярус|ティア|티어"
+# The upper piece of dungarees or a pinafore, where no word says that it is a front or back
+BIB_WORDS = r"\bbib\b|\blatz\b|latz\b|\bbavette\b|\bpeto\b|pettorina|\bpeitilho|\bslabbetje|胸当て|护胸"
 # What a piece is cut for, and is not: "front without pocket"
 BESIDE = (
     r"\b(with(out)?|no|w o|mit|ohne|avec|sans|con|sin|senza|com|sem) (a )?(pocket|tasche|poche|bolsillo|tasca|bolso)\w*"
