@@ -19,7 +19,7 @@ from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
 from warp_cloth.pattern.levels import armpit_of
 from warp_cloth.pattern.parting import marks_along, parted
-from warp_cloth.pattern.roles import Roles, Shape
+from warp_cloth.pattern.roles import SHOULDER_FALL, Roles, Shape
 from warp_cloth.pattern.runs import joint_of, parts_of_kind, role_of, run_of, side_mark
 
 STRAP_EASE = (-0.4, 2.5)  # a strap is folded lengthwise, or gathered, where it is sewn on
@@ -102,16 +102,23 @@ def _have_shoulders(parts: Sequence[Part], side: int, wide: Sequence[float]) -> 
     """Whether a front and a back meet on the shoulder by themselves: as high above their sides as the way over it is.
 
     That way is long for a garment's width. What is called straps there are epaulettes, or tabs. Where straps are as
-    wide as the shoulders it is to be longer, as they may belong there.
+    wide as the shoulders it is to be longer, as they may belong there; a wider edge that falls is a shoulder anyway.
     """
     # without an armhole it is the slanting edge of a top that hangs from straps
     shoulders = [role_of([part], 0, "shoulder", side) if role_of([part], 0, "armhole", side) else () for part in parts]
     if not any(shoulders):
         return False
     lengths = [part.shape.length(run) for part, run in zip(parts, shoulders, strict=True)]
-    is_wider = any(long > AS_WIDE[1] * width for long, width in zip(lengths, wide, strict=True))
+    wider = [k for k, (long, width) in enumerate(zip(lengths, wide, strict=True)) if long > AS_WIDE[1] * width]
+    if any(_falls(parts[k].shape, shoulders[k]) for k in wider):
+        return True
     way = sum(armpit_of(part) for part in parts) / max(sum(_chest(part, side) for part in parts), 1e-9)
-    return way > OVER_SHOULDER[0 if is_wider else 1]
+    return way > OVER_SHOULDER[0 if wider else 1]
+
+
+def _falls(shape: Shape, run: Sequence[int]) -> bool:
+    x, y = np.abs(np.sum([shape.chord(k) for k in run], axis=0))
+    return bool(y > SHOULDER_FALL * x)
 
 
 def _chest(part: Part, side: int) -> float:
