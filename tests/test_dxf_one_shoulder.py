@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from dxf_patterns import Drafted, bezier, line, write
+from dxf_patterns import Drafted, bezier, half_body, line, write
 from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
@@ -47,3 +47,35 @@ def test_what_does_not_fit_is_neither_mirrored_nor_sewn(is_hollow: bool, tmp_pat
         draft = read_drafted(write(tmp_path / "a.dxf", {"M": [asymmetric("FRONT", is_hollow), back]}))
         assert not draft.joints
         assert not any("mirrored" in note for note in draft.notes)
+
+
+def slanted(name: str, depth: float, rise: float) -> Drafted:
+    """A whole front or back whose hem is higher on one side."""
+    upper = half_body(name, 25.0, 62.0, 8.0, depth, 19.0).edges[1:5]
+    other = [[(-x, y) for x, y in edge[::-1]] for edge in upper[::-1]]
+    right, left = (25.0, -rise), (-25.0, rise)
+    upper[0], other[-1] = line(right, upper[0][-1]), line(other[-1][0], left)
+    return Drafted(name, [line(left, right), *upper, *other])
+
+
+@pytest.mark.parametrize("rise", [-10.0, 10.0])
+def test_a_whole_piece_with_a_slanting_hem_is_not_mirrored(rise: float, tmp_path: Path) -> None:
+    pieces = [slanted("FRONT", 10.0, rise), slanted("BACK", 2.5, -rise)]
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": pieces}))
+    assert not draft.joints
+    assert not any("mirrored" in note for note in draft.notes)
+
+
+@pytest.mark.parametrize(("wide", "depth"), [(8.0, 2.5), (16.0, 8.0)])
+def test_half_a_back_is_mirrored(wide: float, depth: float, tmp_path: Path) -> None:
+    front, back = half_body("FRONT", 25.0, 62.0, wide, 10.0, 21.0), half_body("BACK", 25.0, 62.0, wide, depth, 21.0)
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": [front, replace(back, fold=None)]}))
+    assert kinds(draft) == {"shoulder": 2, "side": 2}
+
+
+def test_crossed_fronts_with_a_slanting_neckline_are_sewn(tmp_path: Path) -> None:
+    front, back = (half_body(name, 25.0, 62.0, 8.0, depth, 19.0) for name, depth in (("FRONT", 10.0), ("BACK", 2.5)))
+    low, foot = (-20.0, 10.0), (-20.0, 0.0)
+    edges = [line(foot, (25.0, 0.0)), *front.edges[1:4], line((8.0, 62.0), low), line(low, foot)]
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": [Drafted("FRONT", edges, "2"), back]}))
+    assert kinds(draft) == {"shoulder": 2, "side": 2}

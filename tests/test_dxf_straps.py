@@ -159,6 +159,15 @@ def test_tabs_on_shoulders_are_no_straps(wide: float, tmp_path: Path) -> None:
     assert kinds(draft) == {"shoulder": 2, "side": 2}
 
 
+@pytest.mark.parametrize("pieces", [[hollow("FRONT", 44.0, 7.0), hollow("BACK", 38.0, 2.0)],
+                                    [level("FRONT", 48.0, 16.0), level("BACK", 46.0, 8.0)]])  # fmt: skip
+def test_ends_below_the_shoulder_are_not_sewn_to_each_other(pieces: list[Drafted], tmp_path: Path) -> None:
+    """The straps, or ties, are of no piece."""
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": pieces}))
+    assert kinds(draft) == {"side": 2}
+    assert [joint.reason.split(",")[0] for joint in draft.unsewn] == ["shoulder", "shoulder"]
+
+
 def test_an_underband_goes_round_the_hem(tmp_path: Path) -> None:
     pieces = [hollow("FRONT", 44.0, 7.0), hollow("BACK", 38.0, 2.0), band("UNDERBAND", 72.0, 4.0)]
     found = kinds(read_drafted(write(tmp_path / "a.dxf", {"M": [*pieces, band("STRAP", 36.0, 1.2, "2")]})))

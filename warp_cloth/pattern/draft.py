@@ -27,7 +27,7 @@ from warp_cloth.pattern.kinds import (
     without_side,
 )
 from warp_cloth.pattern.middles import with_middles
-from warp_cloth.pattern.one_shoulder import one_shoulder_roles, slants
+from warp_cloth.pattern.one_shoulder import is_no_half, one_shoulder_roles
 from warp_cloth.pattern.panel_roles import half_skirt_roles, parted_at_underarm
 from warp_cloth.pattern.part_roles import roles_of, side_of
 from warp_cloth.pattern.piece import Piece
@@ -113,6 +113,8 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
         part = _part(piece, said, panelled, top)
         place = f'piece "{short(piece.name)}"'
         is_half = _is_lone_half(piece, said, part, pieces)
+        if is_half and is_no_half(part.shape, part.roles):
+            is_half, part = False, replace(part, sure=MISREAD * part.sure)
         whole = opened(piece, part.roles["centre"]) if is_half else None
         if whole is not None:
             piece, part = whole, _part(whole, said, panelled, top)
@@ -192,7 +194,6 @@ def _is_lone_half(piece: Piece, said: Stated, part: Part, pieces: Sequence[Piece
         and piece.what.side == BOTH
         and said.place in (None, part.kind)
         and (copies is None or sum(copies) == 1)
-        and not slants(part.shape, part.roles.get("waist", part.roles.get("neck", ())))
     )
 
 
@@ -299,8 +300,6 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: Top) -> Par
     elif kind in SKIRTS and mirror is None:
         roles = half_skirt_roles(shape) or roles
     if mirror is not None and not _are_mirrored(roles, mirror):
-        part = replace(part, sure=MISREAD * sure)
-    if mirror is None and "centre" in roles and slants(shape, roles.get("waist", roles.get("neck", ()))):
         part = replace(part, sure=MISREAD * sure)
     return replace(part, roles=roles, side=side or side_of(kind, shape, roles, mirror is not None))
 

@@ -15,7 +15,9 @@ from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.roles import SHOULDER_FALL, Roles, Shape, upright
 
-ACROSS, STEEP = 0.6, 0.3  # of the width, that such a neckline runs across at least; how far it falls on its way
+# Of the width, that such a neckline runs across at least; how far it falls on its way, and of the whole height
+ACROSS, STEEP, DEEP = 0.6, 0.3, 0.25
+DIP = 0.01  # [m] that half a neck or waist rises on its way down to the middle, at most
 SIDES_ALIKE = 0.02  # relative: to which its two sides are as long, and front and back at what is sewn
 SHOULDER = (0.03, 0.2)  # [m] long
 
@@ -50,8 +52,26 @@ def _step(mark: str) -> int:
 def slants(shape: Shape, run: Sequence[int]) -> bool:
     """Whether the upper edge of what seems half a piece runs down across most of it, as no neck or waist does."""
     across, along = np.abs(_chord(shape, run))
-    width = float(np.ptp(np.array(shape.box), axis=0)[0])
-    return bool(across > ACROSS * width and along > STEEP * across)
+    width, height = np.ptp(np.array(shape.box), axis=0)
+    return bool(across > ACROSS * width and along > max(STEEP * across, DEEP * height))
+
+
+def is_no_half(shape: Shape, roles: Roles) -> bool:
+    """Whether what seems half a front or back is a whole one that is not symmetric, by its neck, shoulder or waist.
+
+    One of them slants, or goes down and up again over the neck of both sides; or an armhole rises outwards.
+    """
+    upper = roles.get("waist", roles.get("neck", ()))
+    runs = [upper, *(run for role, run in roles.items() if role.startswith("shoulder"))]
+    rises = [_step(mark) * float(_chord(shape, roles.get(f"armhole{mark}", ()))[1]) for mark in "+-"]
+    return slants(shape, upper) or min(rises) < -DIP or any(_dips(shape, run) for run in runs if run)
+
+
+def _dips(shape: Shape, run: Sequence[int]) -> bool:
+    """Whether a run of edges does not go down all the way from its higher end."""
+    heights = np.concatenate([shape.turned[k].at(np.linspace(0.0, 1.0, 33))[:, 1] for k in run])
+    downward = heights if heights[0] >= heights[-1] else heights[::-1]
+    return bool((downward - np.minimum.accumulate(downward)).max() > DIP)
 
 
 def _chord(shape: Shape, run: Sequence[int]) -> Floats:

@@ -44,7 +44,7 @@ from warp_cloth.pattern.runs import (
 from warp_cloth.pattern.sleeves import proposed_sleeves
 from warp_cloth.pattern.slits import is_slit
 from warp_cloth.pattern.specification import Side
-from warp_cloth.pattern.straps import proposed_straps
+from warp_cloth.pattern.straps import lack_straps, proposed_straps
 from warp_cloth.pattern.tiers import proposed_tiers
 from warp_cloth.pattern.yokes import proposed_yokes
 
@@ -138,12 +138,14 @@ def _bodices(parts: Sequence[Part]) -> Iterable[Joint]:
                 for role in ("shoulder", "side"):
                     one, other = face_run(parts, front, role, side), face_run(parts, back, role, side, True)
                     ease = (-0.06, 0.02) if role == "shoulder" else PLAIN_EASE
+                    faces = [parts[face[0]] for face in (front, back)]
+                    is_short = role == "shoulder" and lack_straps(parts, faces, side)
                     apart = without_gaps(one), without_gaps(other)  # a gusset goes into slits between them
                     if has_gusset and role == "side" and len(apart[0]) == len(apart[1]):
                         for pair in zip(*apart, strict=True):
                             yield from joint_of(parts, *pair, role, ease)
                     else:
-                        yield from joint_of(parts, one, other, role, ease)
+                        yield from joint_of(parts, one, other, role, ease, DOUBTED if is_short else 1.0)
             if parts[front[0]].side == parts[back[0]].side:  # of bodysuits
                 crotches = (parts[face[0]].roles.get("crotch", ()) for face in (front, back))
                 one, other = (run_of(face[0], run) for face, run in zip((front, back), crotches, strict=True))

@@ -29,6 +29,7 @@ MOST_WIDE = 3.0  # of the strap's width, how long a level edge is on whose middl
 # Of a garment's width in front and behind, that is the way from armpit to armpit at least: by straps narrower than the
 # shoulders, and by others
 OVER_SHOULDER = 0.34, 0.42
+LOW = 0.3, 0.3  # of the width, and [m], up to which that way is of a top that hangs from what is no piece
 FLAT = 0.35  # |dy| over |dx| of a level top
 NEAR_NOTCH = 0.05  # [m] from where the strap's other end is, across, within which a notch marks this one
 AT_NOTCH, ACROSS = 1.0, 0.88  # how sure the place on a level top is: at a notch, or as far out as the other end
@@ -112,8 +113,19 @@ def _have_shoulders(parts: Sequence[Part], side: int, wide: Sequence[float]) -> 
     wider = [k for k, (long, width) in enumerate(zip(lengths, wide, strict=True)) if long > AS_WIDE[1] * width]
     if any(_falls(parts[k].shape, shoulders[k]) for k in wider):
         return True
-    way = sum(armpit_of(part) for part in parts) / max(sum(_chest(part, side) for part in parts), 1e-9)
-    return way > OVER_SHOULDER[0 if wider else 1]
+    return _way_over_shoulder(parts, side) > OVER_SHOULDER[0 if wider else 1]
+
+
+def _way_over_shoulder(parts: Sequence[Part], side: int) -> float:
+    """From armpit to armpit, of the width of a front and a back."""
+    return sum(armpit_of(part) for part in parts) / max(sum(_chest(part, side) for part in parts), 1e-9)
+
+
+def lack_straps(parts: Sequence[Part], faces: Sequence[Part], side: int) -> bool:
+    """Whether a front and a back end far below the shoulder, so that a strap or tie of no piece belongs between."""
+    if parts_of_kind(parts, "sleeve") or not all(role_of([face], 0, "armhole", side) for face in faces):
+        return False
+    return _way_over_shoulder(faces, side) < LOW[0] and sum(armpit_of(face) for face in faces) < LOW[1]
 
 
 def _falls(shape: Shape, run: Sequence[int]) -> bool:
