@@ -16,7 +16,7 @@ from warp_cloth.pattern.bibs import BIB
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint
-from warp_cloth.pattern.kinds import BOTH, LEFT, RIGHT
+from warp_cloth.pattern.kinds import BOTH, HALF_SLEEVES, LEFT, RIGHT, YOKES
 from warp_cloth.pattern.levels import armpit_of
 from warp_cloth.pattern.parting import marks_along, parted
 from warp_cloth.pattern.roles import SHOULDER_FALL, Roles, Shape
@@ -123,7 +123,9 @@ def _way_over_shoulder(parts: Sequence[Part], side: int) -> float:
 
 def lack_straps(parts: Sequence[Part], faces: Sequence[Part], side: int) -> bool:
     """Whether a front and a back end far below the shoulder, so that a strap or tie of no piece belongs between."""
-    if parts_of_kind(parts, "sleeve") or not all(role_of([face], 0, "armhole", side) for face in faces):
+    if parts_of_kind(parts, "sleeve", *HALF_SLEEVES, *YOKES) or not all(
+        role_of([face], 0, "armhole", side) for face in faces
+    ):
         return False
     return _way_over_shoulder(faces, side) < LOW[0] and sum(armpit_of(face) for face in faces) < LOW[1]
 
