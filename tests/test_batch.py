@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,9 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.batch import Item, run_batch
 from warp_cloth.batch.pool import LocalPool, Lost, best_shared
 from warp_cloth.batch.progress import summary
-from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
+from warp_cloth.batch.rows import FAILED, ItemResult, WornPoints, empty_row
 from warp_cloth.batch.run import Batch, BatchProgress
-from warp_cloth.batch.store import Keep, Store, split
+from warp_cloth.batch.store import Keep, Store, packed, split
 from warp_cloth.batch.task import Done, Task, do_task
 from warp_cloth.export import stage
 from warp_cloth.export.files import whole_file
@@ -78,6 +79,14 @@ def drive(out: Path, items: list[Item], size: int, pool: Any = None, keep: Keep 
     store = Store(out, keep, ease=ease)
     store.open()
     return Batch(store, split(items, size), pool or HerePool(), lambda _: None, 0.0).run()
+
+
+def test_a_packed_garment_says_what_each_vertex_of_its_file_became() -> None:
+    points, triangles = np.zeros((3, 3)), np.array([[0, 1, 2]], dtype=np.int32)
+    soup = WornPoints("soup", points, triangles, np.array([0, 1, 2, 2, -1]))
+    arrays = packed([ItemResult({"name": "a"}, (WornPoints("as in its file", points, triangles), soup))])
+    of_each = [arrays["vertex_map"][first:end].tolist() for first, end in pairwise(arrays["map_start"])]
+    assert of_each == [[], [0, 1, 2, 2, -1]]
 
 
 def test_an_item_is_what_a_fit_of_its_own_gives(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Indices, Points
 
@@ -47,6 +48,7 @@ class WornPoints:
     garment: str
     points: Points  # [m], shape [V, 3]
     triangles: Indices  # shape [F, 3]
+    vertex_map: NDArray[np.int64] | None = None  # which of these points each vertex of the file became (base.mesh)
 
 
 @dataclass(frozen=True)

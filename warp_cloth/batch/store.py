@@ -354,6 +354,8 @@ def packed(results: Sequence[ItemResult]) -> dict[str, Any]:
 
     ``item``, ``garment`` name each garment; its points are ``points[point_start[g] : point_start[g + 1]]`` and its
     triangles, counted from its own first point, ``triangles[triangle_start[m] : triangle_start[m + 1]]``, m = mesh[g].
+    Which of its points each vertex of its file became is ``vertex_map[map_start[g] : map_start[g + 1]]``, -1: it is
+    left out; empty where they are the file's vertices.
     """
     names = [(result.row["name"], worn) for result in results for worn in result.worn]
     meshes: dict[bytes, int] = {}
@@ -367,6 +369,7 @@ def packed(results: Sequence[ItemResult]) -> dict[str, Any]:
             triangles.append(worn.triangles)
         mesh.append(meshes[key])
     points = [worn.points for _, worn in names]
+    maps = [np.zeros(0, np.int64) if worn.vertex_map is None else worn.vertex_map for _, worn in names]
     return {
         "item": np.array([name for name, _ in names], dtype=np.str_),
         "garment": np.array([worn.garment for _, worn in names], dtype=np.str_),
@@ -375,4 +378,6 @@ def packed(results: Sequence[ItemResult]) -> dict[str, Any]:
         "triangles": np.concatenate(triangles) if triangles else np.zeros((0, 3), dtype=np.int32),
         "triangle_start": np.cumsum([0, *(len(each) for each in triangles)]),
         "mesh": np.array(mesh, dtype=np.int32),
+        "vertex_map": np.concatenate(maps) if maps else np.zeros(0, np.int64),
+        "map_start": np.cumsum([0, *(len(each) for each in maps)]),
     }

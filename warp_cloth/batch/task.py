@@ -183,7 +183,9 @@ class _TaskRun:
             return ItemResult(row_of(item.name, fit, f"stages/{path.name}", ease=store.ease))
         if store.keep == "none":
             return ItemResult(row_of(item.name, fit, "", ease=store.ease))
-        worn = tuple(WornPoints(each.name, each.points, each.mesh.triangles) for each in fit.garments)
+        worn = tuple(
+            WornPoints(each.name, each.points, each.mesh.triangles, each.mesh.vertex_map) for each in fit.garments
+        )
         file = f"shards/{self._task.shard.label}.npz"
         return ItemResult(row_of(item.name, fit, file, ease=store.ease), worn)
 

@@ -88,13 +88,15 @@ def run_batch(jobs: list[dict[str, str]], changes: list[str], given: argparse.Na
 
 
 def shapes_of(folder: Path) -> dict[str, Floats]:
-    """The worn points [m] of each item of a batch."""
+    """The worn points [m] of each item of a batch, at the vertices of its garment's file."""
     found = {}
     for path in sorted((folder / "shards").glob("*.npz")):
         with np.load(path) as packed:
-            starts, points = packed["point_start"], packed["points"]
+            starts, points, maps = packed["point_start"], packed["points"], packed["map_start"]
             for g, item in enumerate(packed["item"]):
-                found[str(item)] = np.asarray(points[starts[g] : starts[g + 1]], dtype=np.float64)
+                own = np.asarray(points[starts[g] : starts[g + 1]], dtype=np.float64)
+                became = packed["vertex_map"][maps[g] : maps[g + 1]]
+                found[str(item)] = own[became] if len(became) else own
     return found
 
 
