@@ -9,8 +9,8 @@ import pytest
 from bodies import sure_skeleton
 from cloths import tube
 
+from warp_cloth.anatomy.figure import Figure
 from warp_cloth.anatomy.levels import body_levels
-from warp_cloth.anatomy.measures import Figure
 from warp_cloth.anatomy.skeleton import LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, TRUNK, Skeleton
 from warp_cloth.anatomy.stored_body import levels_of
 from warp_cloth.avatar.solid import closing_of

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from warp_cloth.anatomy.figure import Figure
 from warp_cloth.anatomy.levels import GIRTHS, Level, body_levels
-from warp_cloth.anatomy.measures import Figure
 from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.stored_value import stored_value

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_cloth.anatomy.figure import Figure
 from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.anatomy.linking import SLEEVED, Wearing
-from warp_cloth.anatomy.measures import Figure
 from warp_cloth.anatomy.skeleton import HEAD
 from warp_cloth.anatomy.tape import Plane
 from warp_cloth.base.mesh import Indices, Mesh

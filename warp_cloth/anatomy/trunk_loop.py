@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.anatomy.figure import Figure
 from warp_cloth.anatomy.geodesics import EdgeGraph, Floats
 from warp_cloth.anatomy.linking import Wearing
-from warp_cloth.anatomy.measures import Figure
 from warp_cloth.anatomy.openings import ARMS, LEGS, Opening
 from warp_cloth.anatomy.skeleton import HEAD
 from warp_cloth.anatomy.stance import ASTRIDE

@@ -22,7 +22,7 @@ import numpy as np
 from measured import Figures, script_parser
 from meshfiles import write_obj
 
-from warp_cloth.anatomy.measures import Figure
+from warp_cloth.anatomy.measures import measures_of
 from warp_cloth.anatomy.skeleton import skeleton_of
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
@@ -66,7 +66,7 @@ def read_again(stated: BodyMeasures) -> Read:
     skeleton = skeleton_of(mesh)
     if skeleton is None:
         return stated, "no limbs found"
-    values = {each.name: each.value for each in Figure.of(mesh, skeleton).measures()}
+    values = {each.name: each.value for each in measures_of(mesh, skeleton)}
     found = np.array([values[name] or np.nan for name in NAMES])
     return stated, MM * (found - [getattr(stated, name) for name in NAMES])
 

@@ -22,8 +22,9 @@ from pathlib import Path
 
 import numpy as np
 
+from warp_cloth.anatomy.figure import Figure
 from warp_cloth.anatomy.levels import trunk_level
-from warp_cloth.anatomy.measures import DEFINITIONS, Figure
+from warp_cloth.anatomy.measures import DEFINITIONS, measures_of
 from warp_cloth.anatomy.skeleton import skeleton_of
 from warp_cloth.loading import load_mesh
 
@@ -33,7 +34,7 @@ MM = 1e3
 
 def differences(figure: Figure, stated: dict[str, str]) -> Iterator[tuple[str, float]]:
     """Measured less stated [mm], by column."""
-    values = {each.name: each.value for each in figure.measures()}
+    values = {each.name: each.value for each in measures_of(figure.body, figure.skeleton)}
     for column, name in STATED.items():
         value = values[name]
         if stated.get(column) and value is not None:
@@ -62,7 +63,7 @@ def main() -> None:
             continue
         figure = Figure.of(body, skeleton)
         if options.table:
-            values = [each.value for each in figure.measures()]
+            values = [each.value for each in measures_of(body, skeleton)]
             print(f"{row['name']:<26}", *(f"{'-' if v is None else f'{100 * v:.1f}':>8}" for v in values))
         for column, difference in differences(figure, row):
             found.setdefault(column, []).append((difference, row["name"]))
