@@ -21,6 +21,7 @@ Box = tuple[float, float, float, float]  # extents of a section from right to le
 
 CELL = 0.006  # of the extent: a vertex whose mirror image is within two of these of the surface has a like
 PLANES = np.linspace(-0.06, 0.06, 49)  # of the extent, from the middle of the vertices
+MOST_ASKED = 20_000  # vertices, spread over all
 MIRRORED = (0.6, 0.995)  # part of the vertices that have a like, of who lacks a limb on one side
 
 LEVELS = 120  # at which a trunk is cut
@@ -118,7 +119,8 @@ def _mirrored(points: Points, triangles: Indices) -> Iterator[Surface]:
     is_near = np.zeros(cells.max(axis=0) + 1, dtype=np.bool_)
     is_near[tuple(cells.T)] = True
     is_near = ndimage.binary_dilation(is_near)
-    best = (0.0, 0, 0.0)
+    best, step = (0.0, 0, 0.0), len(own) // MOST_ASKED + 1
+    own, cells = own[::step], cells[::step]
     for axis in range(3):
         middle = 0.5 * float(np.percentile(own[:, axis], 30) + np.percentile(own[:, axis], 70))
         for plane in (middle + PLANES * float(extent.max())).tolist():

@@ -48,9 +48,7 @@ def refuse_bodies(
             if avatar is not None and _rims(avatar) > OPEN:
                 remedy = f'exchange it and "{avatar.name}", which is open'
             raise InputError(key, f'"{garment.name}" {problem}', remedy)
-        alone = (
-            [garment] if of_file[garment.name] > 1 else []
-        )  # a mesh of a file whose meshes are garments of their own
+        alone = [garment] if of_file[garment.name] > 1 else []  # of a file whose meshes are garments of their own
         if any(_is_body(part) for part in (*alone, *_tall_parts(garment))):
             problem = f'"{garment.name}" holds a body, too: a surface with a head, arms and legs'
             remedy = f"export the garment alone, or name its mesh by {key}.prim (in .glb and USD files)"

@@ -178,7 +178,10 @@ def stand_up(
     is a sheet of cloth, or where body and garment lie as no tool's axes are.
     """
     spec = scene.avatar
-    if spec is None or avatar is None or not _may_have_z_up(spec):
+    sheets = [
+        each.shape for each in scene.garments if each.shape is not None and not isinstance(each.shape, TshirtShape)
+    ]
+    if spec is None or avatar is None or sheets or not _may_have_z_up(spec):
         return scene, []
     up = _head_of(avatar, skeleton)
     if up == "y":
@@ -188,8 +191,6 @@ def stand_up(
     choices, specs = [Choice("avatar.up", up, reason)], list(scene.garments)
     for index, (worn, (key, mesh)) in enumerate(zip(scene.garments, garments, strict=True)):
         if worn.mesh is None:
-            if worn.shape is not None and not isinstance(worn.shape, TshirtShape):
-                return scene, []
             continue
         middle = (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2.0
         if not ((low <= middle) & (middle <= high)).all():
