@@ -138,6 +138,14 @@ def test_wrongly_stated_unit_is_found_against_the_avatar(tmp_path: Path) -> None
         check_sizes([("garment", garment)], load(tmp_path, 1.72, "avatar"))
 
 
+def test_only_units_that_were_guessed_are_asked_for(tmp_path: Path) -> None:
+    """A newborn in a grown-up's T-shirt, whose unit is none to be set, as it is drafted."""
+    garment = load(tmp_path, 0.7, units="m", low=1.0)
+    with pytest.raises(InputError) as caught:
+        check_sizes([("garment", garment)], load(tmp_path, 0.65, "avatar"))
+    assert caught.value.remedy.startswith('if these sizes are meant, set avatar.units = "m"; or place the garment')
+
+
 def test_garment_far_away_is_refused(tmp_path: Path) -> None:
     garment = load(tmp_path, 0.7)
     far = replace(garment, points=garment.points + np.array([50.0, 0, 0]))

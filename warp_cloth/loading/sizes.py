@@ -324,4 +324,7 @@ def _remedy(key: str, garment: Mesh, avatar: Mesh) -> str:
     for role, name in _may_lie(key, garment, avatar):
         if _fit_of(garment, avatar, 1.0, 1.0, stand=role)[1] == 0.0:
             return f'if its file is z up, set {name}.up = "z"; or place the garment round the avatar: {key}.translate'
-    return f"set {key}.units and avatar.units, and place the garment round the avatar: {key}.translate"
+    pairs = ((key, garment), ("avatar", avatar))
+    meant = " and ".join(f'{name}.units = "{mesh.unit}"' for name, mesh in pairs if was_guessed(mesh))
+    sizes = f"if these sizes are meant, set {meant}; or " if meant else ""
+    return f"{sizes}place the garment round the avatar: {key}.translate"
