@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bodies import sure_skeleton
 from hypothesis import HealthCheck, settings
 
+from warp_cloth.anatomy.skeleton import Skeleton
 from warp_cloth.base import compilers
 from warp_cloth.base.first_run import note_kernels
 from warp_cloth.base.mesh import Mesh
@@ -144,3 +146,9 @@ def shared_data() -> Path:
 def body() -> Mesh:
     """The shipped mannequin, of an M."""
     return mannequin()
+
+
+@pytest.fixture(scope="module")
+def skeleton(body: Mesh) -> Skeleton:
+    """That of the shipped mannequin, or of the body that a file of tests has instead."""
+    return sure_skeleton(body)

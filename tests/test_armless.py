@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import sure_skeleton
 from meshfiles import write_obj
 from numpy.typing import NDArray
 
@@ -26,11 +25,6 @@ WAIST = -0.08  # the same, where the body ends
 @pytest.fixture(scope="module")
 def body() -> Mesh:
     return mannequin(edge=0.015)
-
-
-@pytest.fixture(scope="module")
-def skeleton(body: Mesh) -> Skeleton:
-    return sure_skeleton(body)
 
 
 def codes(body: Mesh, skeleton: Skeleton, lacks: list[int], folder: Path, sleeve: NDArray[np.float64]) -> set[str]:

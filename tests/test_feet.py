@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import sure_skeleton
 from meshfiles import write_circle_skirt
 
 from warp_cloth.anatomy.openings import LEGS
@@ -26,11 +25,6 @@ def body() -> Mesh:
     outfit = load_outfit(load_scene("tshirt", ("garment.shape.edge_mm=40",)))
     assert outfit.avatar is not None
     return outfit.avatar
-
-
-@pytest.fixture(scope="module")
-def skeleton(body: Mesh) -> Skeleton:
-    return sure_skeleton(body)
 
 
 @pytest.fixture(scope="module")

@@ -29,11 +29,6 @@ def body() -> Mesh:
     return mannequin(edge=0.015)
 
 
-@pytest.fixture(scope="module")
-def skeleton(body: Mesh) -> Skeleton:
-    return sure_skeleton(body)
-
-
 def without(body: Mesh, skeleton: Skeleton, *limbs: int) -> tuple[Mesh, Skeleton]:
     kept = ~np.isin(skeleton.limb, limbs)[body.triangles].any(axis=1)
     used, corners = np.unique(body.triangles[kept], return_inverse=True)

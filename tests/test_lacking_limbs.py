@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import sure_skeleton
 from meshfiles import write_obj
 
 from warp_cloth.anatomy.person import understand
@@ -38,11 +37,6 @@ LEGS, ARMS = [RIGHT_LEG, LEFT_LEG], [RIGHT_ARM, LEFT_ARM]
 @pytest.fixture(scope="module")
 def body() -> Mesh:
     return mannequin(edge=0.015)
-
-
-@pytest.fixture(scope="module")
-def skeleton(body: Mesh) -> Skeleton:
-    return sure_skeleton(body)
 
 
 def without(body: Mesh, skeleton: Skeleton, limbs: Sequence[int], beyond: float) -> Mesh:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import sure_skeleton
 from judging import judge, loaded
 from meshfiles import write_obj
 
@@ -25,11 +24,6 @@ from warp_cloth.model.result import Status
 OFF = 0.01  # [m], of the suit from the skin
 # A line along edges is longer than the shortest one, by a few per cent; a tape spans hollows, which shortens it.
 LINES = 0.08
-
-
-@pytest.fixture(scope="module")
-def skeleton(body: Mesh) -> Skeleton:
-    return sure_skeleton(body)
 
 
 @pytest.fixture(scope="module")
