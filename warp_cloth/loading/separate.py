@@ -7,16 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
+from warp_cloth.anatomy.openings import NARROWEST
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points, face_normals
-from warp_cloth.base.mesh_formats import GLTF
 from warp_cloth.base.topology import build_topology
 from warp_cloth.loading.generic import gltf_mesh_names
 from warp_cloth.loading.load import load_mesh
 from warp_cloth.loading.trims import SHARE
 from warp_cloth.loading.unique_rows import unique_rows
 
-NARROWEST = 0.09  # [m]; the girth of an opening, at least: a child's cuff. A shorter one is a buttonhole
 SEAM = 1e-4  # [m]; vertices of two meshes that are as near to each other are one, and sewn
 SEWN = 0.25  # of a rim's vertices, from which on it is a seam: shells of one body share a vertex here and there
 
@@ -27,8 +26,6 @@ def separate_garments(path: Path) -> list[str]:
     All are, or none: each has two openings at least and is no trim of another, and no rim lies on the vertices of
     another, as those of panels and parts do along their seams.
     """
-    if path.suffix.lower() not in GLTF:
-        return []
     try:
         data = path.read_bytes()
         names = gltf_mesh_names(str(path), data)

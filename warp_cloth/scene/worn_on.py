@@ -9,7 +9,6 @@ from typing import Any
 from warp_cloth.base import arguments, mesh_formats
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import exists
-from warp_cloth.loading.separate import separate_garments
 from warp_cloth.scene.stage import stage_values
 
 PATTERN_SUFFIXES = (".json", ".dxf")
@@ -71,8 +70,11 @@ def _garment(path: Path, names_prim: bool) -> Any:
     """A garment's table; of a USD stage that says which of its meshes are cloth, or of a glTF outfit, theirs."""
     if path.suffix.lower() in PATTERN_SUFFIXES:
         return {"pattern": str(path)}
-    if not names_prim and (names := separate_garments(path)):
-        return [{"mesh": str(path), "prim": name} for name in names]
+    if path.suffix.lower() in mesh_formats.GLTF and not names_prim:
+        from warp_cloth.loading.separate import separate_garments  # and with it all readers of meshes
+
+        if names := separate_garments(path):
+            return [{"mesh": str(path), "prim": name} for name in names]
     if path.suffix.lower() not in mesh_formats.USD:
         return {"mesh": str(path)}
     cloths = stage_values(path)["garment"]
