@@ -11,6 +11,7 @@ from meshfiles import obj_text
 from warp_cloth.base.mesh import Mesh, Points, vertex_normals
 from warp_cloth.garment.moulded import faces_ahead, within
 from warp_cloth.garment.outfit import Outfit, load_outfit
+from warp_cloth.garment.skin import Skin
 from warp_cloth.loading import load_mesh
 from warp_cloth.scene import load_scene
 
@@ -42,11 +43,12 @@ def outfit_of(body: Mesh, shared_data: Path, path: Path, points: Points, faces: 
 def test_what_lies_on_the_skin_faces_ahead_and_turned_it_does_not(body: Mesh) -> None:
     points, _ = top_on(body)
     turned = points * HALF_TURN
-    assert within(points, body) < 0.02
-    assert faces_ahead(points, [turned], body) == 1
-    assert faces_ahead(turned, [points], body) == -1
+    skin = Skin(body)
+    assert within(points, skin) < 0.02
+    assert faces_ahead(points, [turned], skin) == 1
+    assert faces_ahead(turned, [points], skin) == -1
     wide = points + np.array([0.0, 3.0, 0.0])  # off the skin either way
-    assert faces_ahead(wide, [wide * HALF_TURN], body) == 0
+    assert faces_ahead(wide, [wide * HALF_TURN], skin) == 0
 
 
 @pytest.mark.parametrize("is_turned", [False, True])

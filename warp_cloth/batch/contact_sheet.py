@@ -13,14 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.anatomy.stored_body import stored_skeleton
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.batch.jobs import Item
 from warp_cloth.batch.rows import COLUMNS, EASE
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.preview import preview_image
-from warp_cloth.garment.outfit import MeshCache, avatar_recipe
+from warp_cloth.garment.outfit import MeshCache, avatar_recipe, wearer_skeleton
 from warp_cloth.model.fit_problem import ProblemCode
 from warp_cloth.model.result import WornGarment
 from warp_cloth.report.shown import NOT_WORN, ShownVerdict, shown_verdict
@@ -118,24 +117,16 @@ class _Drawer:
     def __init__(self, folder: Path) -> None:
         self._folder, self._meshes = folder, MeshCache()
         self._packed: tuple[str, Mapping[str, Any]] = ("", {})  # the shard that was read last
-        self._facing: dict[Mesh, int] = {}  # of each avatar
 
     def picture(self, item: Item, file: str) -> str:
         """The item as a data URL; empty where its shape cannot be drawn."""
         try:
             scene = load_scene(item.source, item.changes)
             avatar = self._meshes.make(avatar_recipe(scene)[0]) if scene.avatar is not None else None
-            return thumbnail(self._garments(item.name, file), avatar, self._facing_of(avatar))
+            skeleton = wearer_skeleton(scene, avatar, self._meshes)
+            return thumbnail(self._garments(item.name, file), avatar, 0 if skeleton is None else skeleton.facing)
         except (InputError, OSError):  # a file that is gone since
             return ""
-
-    def _facing_of(self, avatar: Mesh | None) -> int:
-        if avatar is None:
-            return 0
-        if avatar not in self._facing:
-            skeleton = stored_skeleton(avatar)
-            self._facing[avatar] = 0 if skeleton is None else skeleton.facing
-        return self._facing[avatar]
 
     def _garments(self, name: str, file: str) -> list[WornGarment]:
         if self._packed[0] != file:

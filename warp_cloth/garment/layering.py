@@ -8,11 +8,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.anatomy.geodesics import nearest_points
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.mesh import Mesh, Points, vertex_normals
 from warp_cloth.garment.garment import Garment
+from warp_cloth.garment.skin import Skin
 from warp_cloth.scene import Scene
 
 # A garment lies within another where it is nearer to the skin on so much of the skin that both cover, and on average by
@@ -36,17 +35,16 @@ def refuse_twins(scene: Scene, garments: Sequence[Garment]) -> None:
             raise InputError(other, f"is the same mesh in the same place as {one}", "remove one of them, or move it")
 
 
-def layers_of(scene: Scene, garments: Sequence[Garment], body: Mesh | None) -> tuple[tuple[int, ...], list[Choice]]:
+def layers_of(scene: Scene, garments: Sequence[Garment], skin: Skin | None) -> tuple[tuple[int, ...], list[Choice]]:
     """The layer of each garment, from the inside out, and why, where the scene lists them otherwise; else () and none.
 
-    Only garments modelled in 3-D tell which is the inner one. ``body``: that they are modelled on; None: it moves, or
+    Only garments modelled in 3-D tell which is the inner one. ``skin``: that they are modelled on; None: it moves, or
     they do not meet it.
     """
     modelled = [index for index, garment in enumerate(garments) if _is_modelled(garment)]
-    if body is None or len(modelled) < 2 or scene.collision.cloth is False:
+    if skin is None or len(modelled) < 2 or scene.collision.cloth is False:
         return (), []
-    normals = vertex_normals(body.points, body.triangles).astype(np.float64)
-    heights = {index: _heights(garments[index].points, body.points, normals) for index in modelled}
+    heights = {index: _mean_heights(garments[index], skin) for index in modelled}
     inner_of = {  # of each garment, those listed after it that lie within it
         index: [later for later in modelled if later > index and _is_within(heights[later], heights[index])]
         for index in modelled
@@ -68,12 +66,12 @@ def _is_modelled(garment: Garment) -> bool:
     return garment.rest.source.kind == "mesh"
 
 
-def _heights(points: Points, skin: Points, normals: Points) -> NDArray[np.float64]:
+def _mean_heights(garment: Garment, skin: Skin) -> NDArray[np.float64]:
     """The mean height of cloth above each vertex of the skin that is nearest to some of it [m]; nan: to none."""
-    nearest = nearest_points(skin, points)
-    height = np.einsum("ij,ij->i", points - skin[nearest], normals[nearest])
-    count = np.bincount(nearest, minlength=len(skin))
-    return np.where(count > 0, np.bincount(nearest, height, len(skin)) / np.maximum(count, 1), np.nan)
+    heights, nearest = skin.heights(garment.points)
+    size = skin.body.vertex_count
+    count = np.bincount(nearest, minlength=size)
+    return np.where(count > 0, np.bincount(nearest, heights, size) / np.maximum(count, 1), np.nan)
 
 
 def _is_within(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:

@@ -35,6 +35,7 @@ from warp_cloth.garment.making import (
 from warp_cloth.garment.mistaken import refuse_bodies
 from warp_cloth.garment.reading import cloths_of, read_again, read_sizes_again, stand_up, with_doubts
 from warp_cloth.garment.rest import RestGeometry, RestShape
+from warp_cloth.garment.skin import Skin
 from warp_cloth.loading import check_sizes
 from warp_cloth.scene import AvatarSpec, BodyMeasures, GarmentSpec, MannequinShape, Scene
 from warp_cloth.scene.predrape import predrape_scene_of
@@ -136,7 +137,7 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None, *, divides: b
     worn = tuple(_mesh_of(scene, index, each, cache) for index, each in enumerate(keys))
     avatar = next((cache.make(recipe) for recipe in avatar_recipe(scene)), None)
     keyed = list(zip(scene.garment_keys, worn, strict=True))
-    find_skeleton = partial(_skeleton, scene, avatar, cache)
+    find_skeleton = partial(wearer_skeleton, scene, avatar, cache)
     brought = _read_as(*brought_to_wearer(scene, find_skeleton), cache, divides)
     if brought is not None:
         return brought
@@ -146,7 +147,9 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None, *, divides: b
         garments = _garments(scene, worn, keys, cache)
         wearing = _wearing(scene, garments, keys, avatar, cache)
         for read in (
-            partial(read_again, scene, cloths_of(worn, garments, wearing, avatar), avatar),
+            partial(
+                read_again, scene, cloths_of(worn, garments, wearing, None if avatar is None else Skin(avatar)), avatar
+            ),
             partial(read_sizes_again, scene, keyed, avatar),
             partial(stand_up, scene, keyed, avatar, find_skeleton),
             partial(brought_from_afar, scene, keyed, avatar, find_skeleton),
@@ -170,19 +173,20 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None, *, divides: b
     if predrape_scene is not None:
         predraped = _garments(predrape_scene, worn, _all_keys(predrape_scene), cache)
     still = avatar if not poses and scene.collision.avatar != "none" else None
+    skin = None if still is None else Skin(still)
     if still is not None:
         opened = _read_as(*open_ends(scene, garments, find_skeleton), cache, divides)
         if opened is not None:
             return opened
     wearing = _wearing(scene, garments, keys, still, cache)
-    cloths = cloths_of(worn, garments, wearing, still)
+    cloths = cloths_of(worn, garments, wearing, skin)
     otherwise = _read_as(*read_again(scene, cloths, still), cache, divides)
     if otherwise is None and divides:
         otherwise = _read_as(*divide_coarse(scene, garments, wearing), cache, divides)
     if otherwise is not None:
         return otherwise
     refuse_twins(scene, garments)
-    layers, order = layers_of(scene, garments, still)
+    layers, order = layers_of(scene, garments, skin)
     meshes = with_doubts(scene, cloths)
     return Outfit(meshes, garments, avatar, poses, predraped, wearing, tuple(order), layers=layers)
 
@@ -219,7 +223,7 @@ def _wearing(
     """The openings of each garment on a body that does not move, from the cache where they are known in any fabric."""
     if avatar is None:
         return (None,) * len(garments)
-    body, skeleton = avatar_recipe(scene)[0].key[1:], _skeleton(scene, avatar, mesh_cache)
+    body, skeleton = avatar_recipe(scene)[0].key[1:], wearer_skeleton(scene, avatar, mesh_cache)
     if skeleton is None:
         return (None,) * len(garments)
     return tuple(
@@ -228,7 +232,8 @@ def _wearing(
     )
 
 
-def _skeleton(scene: Scene, avatar: Mesh | None, mesh_cache: MeshCache) -> Skeleton | None:
+def wearer_skeleton(scene: Scene, avatar: Mesh | None, mesh_cache: MeshCache) -> Skeleton | None:
+    """The skeleton of a scene's avatar, from the cache where it is known; None: there is none, or it has no limbs."""
     if avatar is None:
         return None
     make = partial(stored_skeleton, avatar)

@@ -24,6 +24,7 @@ from warp_cloth.base.units import METRES_PER, BodyUp, LengthUnit
 from warp_cloth.garment.front import CERTAIN, DOUBTFUL, Front, front_of
 from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.moulded import faces_ahead, within
+from warp_cloth.garment.skin import Skin
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
 from warp_cloth.loading import (
     Placement,
@@ -69,7 +70,7 @@ class Cloth:
     mesh: Mesh
     garment: Garment
     wearing: Wearing | None
-    body: Mesh | None = None  # that it is modelled on; None: it is cut from panels, or the body moves
+    skin: Skin | None = None  # that it is modelled on; None: it is cut from panels, or the body moves
 
     @cached_property
     def front_at_start(self) -> Front | None:
@@ -77,11 +78,11 @@ class Cloth:
         if self.wearing is None:
             return None
         cut = self.front(self.wearing, self.wearing.followed)
-        if self.body is None:
+        if self.skin is None:
             return cut
         start, middle = self.wearing.start, 0.5 * (self.wearing.start.min(axis=0) + self.wearing.start.max(axis=0))
         axes = np.zeros(3), self.wearing.skeleton.middle, middle
-        ahead = faces_ahead(start, [_about_axis(180.0, axis).moved(start) for axis in axes], self.body)
+        ahead = faces_ahead(start, [_about_axis(180.0, axis).moved(start) for axis in axes], self.skin)
         return Front(cut.score + MOULDED * ahead, "turned by half it would lie on the skin") if ahead else cut
 
     def front(self, wearing: Wearing, points: Points) -> Front:
@@ -92,11 +93,11 @@ class Cloth:
 
 
 def cloths_of(
-    meshes: Sequence[Mesh], garments: Sequence[Garment], worn: Sequence[Wearing | None], body: Mesh | None
+    meshes: Sequence[Mesh], garments: Sequence[Garment], worn: Sequence[Wearing | None], skin: Skin | None
 ) -> list[Cloth]:
-    """The garments of a scene as they were read; ``body`` as in ``read_again``."""
+    """The garments of a scene as they were read; ``skin``: of the body as in ``read_again``."""
     each = zip(meshes, garments, worn, strict=True)
-    return [Cloth(*own, body if own[1].rest.source.kind == "mesh" else None) for own in each]
+    return [Cloth(*own, skin if own[1].rest.source.kind == "mesh" else None) for own in each]
 
 
 def read_again(scene: Scene, cloths: Sequence[Cloth], body: Mesh | None) -> tuple[Scene, list[Choice]]:
@@ -178,10 +179,8 @@ def stand_up(
     is a sheet of cloth, or where body and garment lie as no tool's axes are.
     """
     spec = scene.avatar
-    sheets = [
-        each.shape for each in scene.garments if each.shape is not None and not isinstance(each.shape, TshirtShape)
-    ]
-    if spec is None or avatar is None or sheets or not _may_have_z_up(spec):
+    has_sheet = any(each.shape is not None and not isinstance(each.shape, TshirtShape) for each in scene.garments)
+    if spec is None or avatar is None or has_sheet or not _may_have_z_up(spec):
         return scene, []
     up = _head_of(avatar, skeleton)
     if up == "y":
@@ -359,8 +358,8 @@ def _turned_about(cloth: Cloth, wearing: Wearing) -> Change | None:
     if front is None or front.score >= (0.0 if faces_away else -CERTAIN):
         return None
     turns = [_about_axis(180.0, axis) for axis in (np.zeros(3), wearing.skeleton.middle)]
-    if (body := cloth.body) is not None:
-        turns.sort(key=lambda turn: within(turn.moved(wearing.start), body))
+    if (skin := cloth.skin) is not None:
+        turns.sort(key=lambda turn: within(turn.moved(wearing.start), skin))
     for turn in turns:
         there = wearing.started_at(turn.moved(wearing.start))
         is_clear = faces_away or not there.pierced(there.start) or bool(wearing.pierced(wearing.start))
