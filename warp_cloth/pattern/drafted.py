@@ -56,16 +56,15 @@ def read_draft(file: str, data: bytes, options: DraftOptions, table: GradeTable 
         InputError: ezdxf is not installed, the file cannot be read, or what is stated does not fit it.
     """
     drawing = read_drawing(file, data)
-    return _draft(file, drawing, options, table, _lies_sideways(file, drawing, options, table))
-
-
-def _lies_sideways(file: str, drawing: Drawing, options: DraftOptions, table: GradeTable | None) -> bool:
-    """Whether pieces without any grain line are laid for cutting: their proposed seams are then clearly longer."""
     if any(GRAIN in drawn.lines for drawn in drawing.pieces):
-        return False
+        return _draft(file, drawing, options, table, False)
+    # pieces without any grain line may be laid for cutting: their proposed seams are then clearly longer
     unstated = replace(options, seams=())
-    upright, sideways = (_sewn_length(_draft(file, drawing, unstated, table, way)) for way in (False, True))
-    return sideways > CLEARLY * upright
+    upright, sideways = (_draft(file, drawing, unstated, table, way) for way in (False, True))
+    is_sideways = _sewn_length(sideways) > CLEARLY * _sewn_length(upright)
+    if options.seams:
+        return _draft(file, drawing, options, table, is_sideways)
+    return sideways if is_sideways else upright
 
 
 def _sewn_length(draft: Draft) -> float:
