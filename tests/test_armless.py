@@ -1,4 +1,4 @@
-"""A shirt on a mannequin without arms is worn, sleeves empty; beside arms that are there, but not known, it is not."""
+"""A shirt on a mannequin without arms is worn, sleeves empty; with arms that are there, but not known, it is not."""
 
 from __future__ import annotations
 

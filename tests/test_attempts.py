@@ -417,7 +417,7 @@ def test_only_what_a_posed_body_may_mend_ends_where_it_is_not_worn_rightly() -> 
 
 @pytest.mark.parametrize("wrong", [{"misplaced": True}, {"slipped": True}, {"sunk": True}])
 def test_what_ended_as_it_was_not_worn_rightly_is_posed_and_else_goes_on_to_its_end(wrong: dict[str, Any]) -> None:
-    """So that what no other start mends is told as it would lie in the end."""
+    """So that the report shows where what no other start mends comes to lie."""
     sewn = first("tshirt", *SMALL_SHIRT)
     history = [Ended(sewn, LIMIT, 0, VERTICES, cut_short=CutShort.MISWORN, **wrong)]
     assert following(*history).posed

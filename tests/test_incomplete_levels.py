@@ -84,7 +84,7 @@ def test_bent_hips_have_no_girth(body: Mesh, skeleton: Skeleton) -> None:
 
 
 def test_empty_sleeves_are_left_out_where_no_arm_tells_them(body: Mesh, skeleton: Skeleton) -> None:
-    """A tube that is at once much wider above a height within reach of the chest, as where sleeves hang beside it."""
+    """A tube that is at once much wider above a height within reach of the chest, as where sleeves hang next to it."""
     cut, left = without(body, skeleton, RIGHT_ARM, LEFT_ARM)
     levels = levels_of(cut, left)
     assert levels is not None

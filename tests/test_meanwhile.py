@@ -1,4 +1,4 @@
-"""USD is loaded before anything is imported beside the fit: both would wait for each other's lock for ever."""
+"""USD is loaded before anything is imported while the fit runs: both would wait for each other's lock for ever."""
 
 from __future__ import annotations
 

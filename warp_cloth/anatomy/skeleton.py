@@ -50,6 +50,7 @@ FLAT = 0.01  # of the span, the least spread of a trunk's vertices in any direct
 # floor have 0.085 at most, two of three of them backward, and do not tell forward.
 FLAT_FEET = 0.1
 SIDEWAYS = 0.5  # sine of the angle from the x axis, beyond which what is square to such legs is forward where it is +z
+LYING = 0.7  # cosine of 45 degrees, rounded, between y and forward, from which on a body lies
 BELOW = 0.05  # of the span, by which the top of what a body stands on may be higher than its lowest point
 LACKING = 0.06  # of the span, from the tip of a completed limb to the body, at least, where it lacks that limb's end
 # A person's limbs, along their curves from the middle of the trunk: right as long as left, arms as long as legs (0.89
@@ -86,7 +87,7 @@ class Skeleton:
     @property
     def facing(self) -> int:
         """Quarter turns about y from +z to the front; 0 of who lies."""
-        if abs(self.forward[1]) > 0.7:
+        if abs(self.forward[1]) > LYING:
             return 0
         return round(float(np.arctan2(self.forward[0], self.forward[2])) / (0.5 * np.pi)) % 4
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import row_lengths
 from warp_cloth.base.connected import mesh_parts
-from warp_cloth.base.mesh import Indices, Points
+from warp_cloth.base.mesh import Indices, Points, face_normals
 from warp_cloth.base.surface import split_quads, surface_nets, without_saddles
 
 CELLS = 160  # along the body's largest extent: 1 cm in a grown-up
@@ -58,19 +58,14 @@ def _is_sheet(points: Points, triangles: Indices, thinnest: float) -> NDArray[np
     part = mesh_parts(len(points), triangles)[triangles[:, 0]]
     corners = points[triangles] - points[part][:, None]
     volume = np.bincount(part, _volumes(corners), len(points))
-    area = np.bincount(part, 0.5 * row_lengths(_normals(corners)), len(points))
+    area = np.bincount(part, 0.5 * row_lengths(face_normals(corners)), len(points))
     thin = (np.abs(volume) <= thinnest * area)[part]
     return np.zeros(len(triangles), dtype=bool) if thin.all() else np.asarray(thin)
 
 
-def _normals(corners: Points) -> Points:
-    """Normals of triangles, shape [F, 3, 3], as long as twice their areas [m2], shape [F, 3]."""
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-
-
 def _volumes(corners: Points) -> NDArray[np.float64]:
     """The volume between each triangle and the origin [m3], shape [F]."""
-    return np.asarray(np.einsum("ij,ij->i", corners[:, 0], _normals(corners)) / 6.0)
+    return np.asarray(np.einsum("ij,ij->i", corners[:, 0], face_normals(corners)) / 6.0)
 
 
 def _samples(corners: Points, apart: float) -> Points:
@@ -82,7 +77,7 @@ def _samples(corners: Points, apart: float) -> Points:
     first, each = lengths.argmax(axis=1), np.arange(len(corners))
     turned = corners[each[:, None], (first[:, None] + np.arange(3)) % 3]
     longest = lengths[each, first]
-    height = row_lengths(_normals(corners)) / np.maximum(longest, np.finfo(float).tiny)
+    height = row_lengths(face_normals(corners)) / np.maximum(longest, np.finfo(float).tiny)
     counts = np.stack([_at_least(longest / apart), _at_least(height / apart)], axis=1)
     kinds, kind = np.unique(counts, axis=0, return_inverse=True)
     kind = kind.ravel()

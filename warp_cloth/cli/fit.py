@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from warp_cloth.scene import Scene
 
 # The first library of USD to be loaded waits for Python's lock while it holds the loader's, and NumPy, which holds the
-# first, asks for the second as it divides large arrays: loaded meanwhile it could stop the command for ever.
+# first, waits for the second as it divides large arrays: loaded meanwhile it could stop the command for ever.
 USD = "pxr.Tf"
 
 

@@ -27,7 +27,7 @@ def refuse_bodies(
 ) -> None:
     """Refuses a person's body as a garment: a closed one, and a scan with holes whose wearer looks like a garment.
 
-    Refuses one beside the garment in its mesh, too, as programs export it that hold both: it would be fitted as cloth.
+    Refuses one that is in the garment's mesh, too, as programs that hold both export it: it would be fitted as cloth.
 
     Args:
         garments: scene key ("garment", "garment[1]") and mesh of each.

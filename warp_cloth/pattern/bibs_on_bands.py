@@ -90,7 +90,7 @@ def _middles(parts: Sequence[Part], band: int) -> tuple[float, float] | None:
 
 
 def _with_spans(band: Part, spans: dict[str, tuple[float, float]]) -> Part | None:
-    """A band whose upper edge is parted at spans from where its ring begins [m]; None: they do not fit beside others.
+    """A band whose upper edge is parted at spans from where its ring begins [m]; None: they overlap, or do not fit.
 
     The lower edge runs along the ring, so that the upper one runs against it.
     """

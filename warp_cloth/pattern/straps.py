@@ -173,7 +173,7 @@ def end_of_strap(part: Part, side: int, wide: float) -> _End | None:
         return None
     levels = [run for step in (-1, 1) if (run := _level_run(shape, tip, step))]
     if levels or BIB in part.roles:
-        return _end_at_corner(shape, levels, tip, wide, middle) if len(levels) == 1 else None
+        return _end_at_corner(shape, levels[0], tip, wide, middle) if len(levels) == 1 else None
     if min(shape.length((before,)), shape.length((after,))) < wide:
         return None
     long = shape.length((before,))
@@ -203,11 +203,8 @@ def _level_run(shape: Shape, tip: int, step: int) -> tuple[int, ...]:
     return tuple(run[::step])
 
 
-def _end_at_corner(
-    shape: Shape, levels: Sequence[tuple[int, ...]], tip: int, wide: float, middle: float
-) -> _End | None:
-    """The end of the one level top that is at a corner, as long as a strap is wide, or half of it all."""
-    (run,) = levels
+def _end_at_corner(shape: Shape, run: tuple[int, ...], tip: int, wide: float, middle: float) -> _End:
+    """The end of a level top that is at a corner, as long as a strap is wide, or half of it all."""
     long = shape.length(run)
     if AS_WIDE[1] * wide < long <= MOST_WIDE * wide:  # as a shoulder's: on its middle
         return _End(run, (0.5 * (long - wide), 0.5 * (long + wide)), ACROSS)

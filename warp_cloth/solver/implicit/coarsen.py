@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.mesh import Indices
+from warp_cloth.base.mesh import Indices, face_normals
 from warp_cloth.base.topology import ragged_rows
 from warp_cloth.solver.implicit.sparse import Floats, Ints, entries_of
 
@@ -83,7 +83,7 @@ def keeps_orientation(old: Floats, new: Floats) -> Flags:
     """Whether triangles [N, 3, d] keep their side up (in space, within some 80 degrees)."""
     if old.shape[2] == 2:
         return quality(old[:, 0], old[:, 1], old[:, 2]) * quality(new[:, 0], new[:, 1], new[:, 2]) > 0.0
-    n = [np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (old, new)]
+    n = [face_normals(corners) for corners in (old, new)]
     return (n[0] * n[1]).sum(1) > 0.2 * np.linalg.norm(n[0], axis=1) * np.linalg.norm(n[1], axis=1)
 
 
