@@ -30,6 +30,9 @@ ARMPITS = 0.85
 # that, the head is large or the neck hidden, and the roots are estimated too high: by a fifth in the newborn. What
 # joins lower still is cloth, or a hand on the trunk.
 APART, ARMPIT, LOWEST_ARMPIT = 25.0, 0.95, 0.6
+# Just below their armpits arms are near the trunk, in parts of their width: 0.0 to 0.25. What closes the holes of a
+# scan there ends farther out, at 1.2.
+NEAR_TRUNK = 0.5
 NECKS, NECK_STEP = (0.78, 0.89), 0.005  # of the stature: where the neck's narrowest level section is looked for
 NECK_SHIFTS = np.linspace(-0.015, 0.015, 7)  # of the stature, along the neck, from there
 NECK_AROUND = 0.1  # of the stature, round its middle: what the tape may touch
@@ -182,12 +185,29 @@ class Figure:
     @property
     def _lacks_armpits(self) -> bool:
         """Whether arms are part of the trunk's section so low that where they leave it cannot be known."""
-        return self._joins_below(LOWEST_ARMPIT + CHEST_OF_TRUNK[2] if self._arms_apart else ARMPITS)
+        shown = self._arms_apart and self._arms_near
+        return self._joins_below(LOWEST_ARMPIT + CHEST_OF_TRUNK[2] if shown else ARMPITS)
 
     @property
     def _arms_apart(self) -> bool:
         """Whether both upper arms lead away from the trunk."""
         return all(-float(arm.upper @ self.frame[1]) < np.cos(np.radians(APART)) for arm in self.stance.arms)
+
+    @cached_property
+    def _arms_near(self) -> bool:
+        """Whether both arms are near the trunk one step below where they join it."""
+        crotch, roots = self.trunk_ends
+        level = trunk_level(self.whole, self._arms_join - CHEST_OF_TRUNK[2] * (roots - crotch), self.middle)
+        if level is None:
+            return False
+        parts = [ends[..., 0] for ends in level.section.parts()]  # to the left [m]
+        trunk = parts.pop(level.trunk)
+
+        def gap(side: float) -> float:
+            beyond = [side * part - (side * trunk).max() for part in parts]
+            return min((part.min() / np.ptp(part) for part in beyond if part.min() > 0.0), default=np.inf)
+
+        return max(gap(-1.0), gap(1.0)) < NEAR_TRUNK
 
     @property
     def _join_low(self) -> bool:
