@@ -5,7 +5,7 @@ Heights are in a frame that stands as the body does. A tape's girth lies square 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -36,6 +36,7 @@ NEAR_TRUNK = 0.5
 NECKS, NECK_STEP = (0.78, 0.89), 0.005  # of the stature: where the neck's narrowest level section is looked for
 NECK_SHIFTS = np.linspace(-0.015, 0.015, 7)  # of the stature, along the neck, from there
 NECK_AROUND = 0.1  # of the stature, round its middle: what the tape may touch
+RIM = 0.004  # of the stature: what is so near to a cut through the body is its rim
 CROTCH_ROUNDS = 12  # halvings of its height
 
 
@@ -107,6 +108,11 @@ class Figure:
         """Height of the top of the head, in the frame [m]; hands may be higher."""
         if HEAD in self.skeleton.lacks:
             return float(self.skeleton.curves[HEAD][-1] @ self.frame[1])
+        return self._top
+
+    @cached_property
+    def _top(self) -> float:
+        """Height of the top of the body itself, in the frame, but for its arms [m]."""
         arm = np.isin(self.skeleton.limb, (RIGHT_ARM, LEFT_ARM))
         return float(self.upright[~arm, 1].max())
 
@@ -139,7 +145,10 @@ class Figure:
         up, forward = self.frame[1:]
         alongs = [np.cos(tilt) * up + np.sin(tilt) * forward for tilt in NECK_TILTS]
         shifts = self.stature * NECK_SHIFTS
-        return shortest(tape_round(points, corners, middle + shift * up, along) for along in alongs for shift in shifts)
+        tapes = (tape_round(points, corners, middle + shift * up, along) for along in alongs for shift in shifts)
+        # one through the lid of a neck that is cut is too short
+        below = self._top - RIM * self.stature
+        return shortest(tape for tape in tapes if tape is not None and float((tape.line @ up).max()) < below)
 
     @cached_property
     def levels(self) -> dict[str, Level]:
@@ -171,7 +180,12 @@ class Figure:
     @cached_property
     def _heights(self) -> Heights:
         """Where each level is searched for, in the frame."""
-        return Heights.of_stature(self.floor, self.stature).on_trunk(*self.trunk_ends)
+        heights = Heights.of_stature(self.floor, self.stature).on_trunk(*self.trunk_ends)
+        end, step = float(self.upright[:, 1].min()) + RIM * self.stature, float(heights.hip[1] - heights.hip[0])
+        if not self._lacks_feet or self.trunk_ends[0] > end:
+            return heights
+        # a trunk that ends above its legs may have its widest hips where it ends
+        return replace(heights, hip=np.concatenate([np.arange(end, heights.hip[0], step), heights.hip]))
 
     @cached_property
     def _arms_join(self) -> float:

@@ -110,6 +110,8 @@ def body_levels(body: Mesh, trunk: tuple[float, float] | None = None) -> tuple[L
 def trunk_levels(at: LevelAt, heights: Heights, top: float = np.inf) -> list[Level]:
     """Chest, waist and hip of a trunk along y, facing +z, as far as they are found.
 
+    Not a chest or waist of which a part is cut off: where it is widest, or narrowest, may be there.
+
     Args:
         at: the trunk's level at a height, without arms that are apart from it.
         heights: where each level is searched for.
@@ -118,6 +120,8 @@ def trunk_levels(at: LevelAt, heights: Heights, top: float = np.inf) -> list[Lev
     seen = {float(height): at(float(height)) for each in (heights.hip, heights.waist, heights.chest) for height in each}
     # from the waist up, no higher than where the arms join
     upwards = sorted(height for height in seen if height >= heights.waist[0])
+    while upwards and seen[upwards[0]] is None:  # of a bust, which begins above
+        upwards.pop(0)
     for below, here in pairwise(upwards):
         under, level = seen[below], seen[here]
         if under is None or level is None or width(level) > ARMS_JOIN * width(under):
@@ -126,6 +130,8 @@ def trunk_levels(at: LevelAt, heights: Heights, top: float = np.inf) -> list[Lev
 
     def among(name: str, searched: NDArray[np.float64], sign: float) -> Level | None:
         found = [level for level in (seen[float(height)] for height in searched if height < top) if level is not None]
+        if name != "hip" and any(seen[float(height)] is None for height in searched):
+            return None
         best = max(found, key=lambda level: sign * level.girth, default=None)
         return None if best is None else replace(best, name=name)
 
