@@ -1,18 +1,22 @@
 """Bodies that lack limbs, completed so that the rest can be understood: amputees, dress forms and torsos.
 
 A limb that one side lacks is taken from the other: the body is joined with its mirror image. A trunk that lacks its
-head, or both arms or legs, gets plain ones of a person's proportions, in an A-pose.
+head, or both arms or legs, gets plain ones of a person's proportions, in an A-pose; a bust a lower trunk, too, and hips
+that end below the chest an upper one. The pole that a form stands on is left out.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from warp_cloth.anatomy.geodesics import Floats
+from warp_cloth.base.lids import cones, with_tips
 from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.base.section import Sections
 
@@ -40,6 +44,17 @@ STUB, HEAD, WIDER = 0.3, 0.5, 1.15
 # Width of a body with arms above its elbows, which are so far up the trunk, over that of its shoulders.
 ARMS, ELBOWS = 1.22, 0.35
 RING = 16  # corners of a plain limb's sections
+# Of the shoulders' width, the length of a bust at least, from where it is cut above the crotch to the neck; and of its
+# whole height how far up the chest is at least.
+BUST, BUST_BEGINS = 0.45, 0.1
+TALLEST_HEAD, WIDEST_HEAD = 1.2, 0.8  # of the shoulders' width, what is above the neck: 0.6 and 0.55 in people
+PLAIN_TRUNK, SHOULDERS_TO_HIPS = 1.3, 1.25  # length of a trunk over its shoulders' width, and that over the hips'
+# A plain trunk's half width, over the shoulders', at these heights over its length, and its depth over its width.
+BARREL, BARREL_LEVELS, BARREL_DEPTH = (0.36, 0.38, 0.3, 0.36, 0.4, 0.17), (0.05, 0.15, 0.45, 0.7, 0.85, 1.0), 0.6
+# Of the hips' width, the least of a leg, of the legs' length below them, and of what is above the crotch.
+LEG, LEGS_LEFT, HIPS_LEFT = 0.25, 0.5, 0.15
+POLE = 0.25  # of the largest width above it, that of a pole at most
+POLE_LENGTH = 0.04  # of the extent, at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,15 +66,21 @@ class _Trunk:
     width: float  # of the shoulders
     neck: float  # heights: of the lowest section above the shoulders that is as narrow as a neck,
     crotch: float  # of the lowest section across the middle,
-    top: float
     bottom: float
     feet: tuple[Box, ...]  # the lowest sections: of both legs, or one of the trunk
     has_head: bool
     has_arms: bool
+    has_all: bool = True  # from crotch to neck; else it is a bust, or hips
 
     def limbs(self) -> list[Surface]:
-        """Plain limbs for those that it lacks."""
+        """Plain limbs, and a plain trunk, for those that it lacks."""
         found, width = [], self.width
+        if not self.has_all:
+            base = np.array([self.middle, self.crotch, self.depth])
+            way = (0.0, self.neck - self.crotch, 0.0)
+            barrel, corners = _tube(base, way, BARREL_LEVELS, width * np.array(BARREL))
+            barrel[:, 2] = self.depth + BARREL_DEPTH * (barrel[:, 2] - self.depth)
+            found.append((barrel, corners))
         if not self.has_head:
             base = np.array([self.middle, self.neck, self.depth])
             radii = width * np.array([0.13, 0.13, 0.19, 0.19, 0.12])
@@ -85,27 +106,59 @@ class _Trunk:
         return np.array([x, height, 0.5 * (back + front)])
 
 
-def completed(points: Points, triangles: Indices) -> Iterator[Surface]:
+@dataclass(frozen=True, eq=False)
+class Completed:
+    """A body's surface with limbs that it may lack."""
+
+    points: Points  # [m], shape [N, 3], the body's own the first
+    triangles: Indices  # shape [F, 3]
+    own: Indices  # the body's vertices that it has, without those of a stand, shape [M]
+
+
+def completed(points: Points, triangles: Indices) -> Iterator[Completed]:
     """Surfaces of a body with limbs that it may lack, one after another.
 
     ``points`` [m], shape [V, 3]; ``triangles`` of a closed surface, shape [F, 3].
     """
-    mirrored = list(_mirrored(points, triangles))
-    yield from mirrored
+    mirrored, own = list(_mirrored(points, triangles)), np.unique(triangles)
+    yield from (Completed(*surface, own) for surface in mirrored)
     for surface in ((points, triangles), *mirrored[:1]):  # a torso may lack one arm, too
         yield from _with_plain_limbs(*surface)
 
 
-def _with_plain_limbs(points: Points, triangles: Indices) -> Iterator[Surface]:
-    """A trunk that is upright along y or z with plain limbs where it lacks its own."""
+def _with_plain_limbs(points: Points, triangles: Indices) -> Iterator[Completed]:
+    """A trunk, or hips, upright along y or z, with plain limbs where it lacks its own; then what stands on a pole."""
+    frames = []
     for left, up, forward in ((0, 1, 2), (2, 1, 0), (0, 2, 1)):
         frame = np.eye(3)[[left, up, forward]]
         if np.linalg.det(frame) < 0.0:  # who faces +x has its left at -z; who is upright along z faces -y
             frame[0 if up == 1 else 2] *= -1.0
-        trunk = _trunk_of(points @ frame.T, triangles)
-        limbs = [] if trunk is None else trunk.limbs()
-        if limbs:
-            yield _joined([(points, triangles), *((each @ frame, corners) for each, corners in limbs)])
+        frames.append(frame)
+    levels = [_Levels.of(points @ frame.T, triangles) for frame in frames]
+    for frame, each in zip(frames, levels, strict=True):
+        yield from _with_limbs_of(_trunk_of(each), points, triangles, frame)
+    for frame, each in zip(frames, levels, strict=True):
+        yield from _with_limbs_of(_hips_of(each), points, triangles, frame)
+        yield from _with_limbs_of(_bust_of(each), points, triangles, frame)
+        for height in each.tops_of_poles():
+            above, faces = closed_above(points, triangles, frame[1], height)
+            form = _Levels.of(above @ frame.T, faces)
+            yield from _with_limbs_of(_trunk_of(form) or _bust_of(form), above, faces, frame)
+
+
+def _with_limbs_of(trunk: _Trunk | None, points: Points, triangles: Indices, frame: Points) -> Iterator[Completed]:
+    """A surface with the limbs that its trunk lacks, which is in this frame; none, where there is nothing to add."""
+    limbs = [] if trunk is None else trunk.limbs()
+    if limbs:
+        whole = _joined([(points, triangles), *((each @ frame, corners) for each, corners in limbs)])
+        yield Completed(*whole, np.unique(triangles))
+
+
+def closed_above(points: Points, triangles: Indices, up: Points, height: float) -> Surface:
+    """The part of a closed surface above a height [m] along the unit vector ``up``, its holes closed."""
+    above = triangles[(points[triangles] @ up > height).all(axis=1)]
+    lids, rims = cones(above.astype(np.int64), len(points))
+    return with_tips(points, rims), np.vstack([above, lids.astype(np.int32)])
 
 
 def _mirrored(points: Points, triangles: Indices) -> Iterator[Surface]:
@@ -139,23 +192,86 @@ def _mirrored(points: Points, triangles: Indices) -> Iterator[Surface]:
         yield _joined([(points, triangles), (image, triangles[kept][:, ::-1])])
 
 
-def _trunk_of(points: Points, triangles: Indices) -> _Trunk | None:
+@dataclass(frozen=True, eq=False)
+class _Levels:
+    """A surface's horizontal sections."""
+
+    used: Points  # its vertices [m], shape [N, 3]
+    heights: Floats  # [m], shape [LEVELS]
+    boxes: tuple[list[Box], ...]  # of the parts of each section
+    middle: float  # between right and left [m]
+
+    @classmethod
+    def of(cls, points: Points, triangles: Indices) -> _Levels:
+        used = points[np.unique(triangles)]
+        bottom, top = (float(height) for height in (used[:, 1].min(), used[:, 1].max()))
+        heights = bottom + (np.arange(LEVELS) + 0.5) * (top - bottom) / LEVELS
+        sections = Sections(points, triangles)
+        boxes = tuple([_box(part) for part in sections.at(height).parts()] for height in heights.tolist())
+        middle = 0.5 * float(np.percentile(used[:, 0], 5) + np.percentile(used[:, 0], 95))
+        return cls(used, heights, boxes, middle)
+
+    @property
+    def bottom(self) -> float:
+        return float(self.used[:, 1].min())
+
+    @property
+    def top(self) -> float:
+        return float(self.used[:, 1].max())
+
+    @cached_property
+    def across(self) -> list[Box | None]:
+        """The widest part of each section that lies across the middle."""
+        parts = ([box for box in level if box[0] < self.middle < box[1]] for level in self.boxes)
+        return [max(level, key=_width, default=None) for level in parts]
+
+    @cached_property
+    def width(self) -> Floats:
+        """Of these [m]; 0: there is none."""
+        return np.array([0.0 if box is None else _width(box) for box in self.across])
+
+    def tops_of_poles(self) -> list[float]:
+        """Heights at which poles end below something wide [m], the highest first."""
+        size = np.array([_extent(level) for level in self.boxes])
+        narrow = size < POLE * np.maximum.accumulate(size[::-1])[::-1]
+        ends = np.flatnonzero(narrow[:-1] & ~narrow[1:])
+        least = math.ceil(POLE_LENGTH * LEVELS)
+        poles = [int(end) for end in ends[::-1] if narrow[max(end + 1 - least, 0) : end + 1].all()]
+        return [float(self.heights[end]) for end in poles]
+
+
+def _trunk_of(levels: _Levels) -> _Trunk | None:
     """The trunk of a body along y; None: it is none."""
-    used = points[np.unique(triangles)]
-    bottom, top = float(used[:, 1].min()), float(used[:, 1].max())
-    heights = bottom + (np.arange(LEVELS) + 0.5) * (top - bottom) / LEVELS
-    sections = Sections(points, triangles)
-    boxes = [[_box(part) for part in sections.at(height).parts()] for height in heights.tolist()]
+    found = _upper_trunk(levels, 0.5)
+    if found is None or not TRUNK[0] * found.width < found.neck - found.crotch < TRUNK[1] * found.width:
+        return None
+    return found if 1 <= len(found.feet) <= MOST_ENDS else None
+
+
+def _bust_of(levels: _Levels) -> _Trunk | None:
+    """The trunk of which the upper part is there; None: it is none."""
+    found = _upper_trunk(levels, BUST_BEGINS)
+    if found is None or not BUST * found.width < found.neck - found.crotch <= TRUNK[0] * found.width:
+        return None
+    heads = [_extent(level) for height, level in zip(levels.heights, levels.boxes, strict=True) if height > found.neck]
+    if levels.top - found.neck > TALLEST_HEAD * found.width or max(heads, default=0.0) > WIDEST_HEAD * found.width:
+        return None
+    end, half = found.neck - PLAIN_TRUNK * found.width, 0.4 * found.width
+    hips = (found.middle - half, found.middle + half, found.depth - half, found.depth + half)
+    return replace(found, crotch=end, bottom=end, feet=(hips,), has_all=False)
+
+
+def _upper_trunk(levels: _Levels, begins: float) -> _Trunk | None:
+    """What is like a trunk from its chest up, which begins so far up what lies across the middle; None: nothing is."""
+    boxes, heights, across, width = levels.boxes, levels.heights, levels.across, levels.width
     if not all(boxes):
         return None
-    middle = 0.5 * float(np.percentile(used[:, 0], 5) + np.percentile(used[:, 0], 95))
-    across = [max((box for box in level if box[0] < middle < box[1]), key=_width, default=None) for level in boxes]
-    width = np.array([0.0 if box is None else _width(box) for box in across])
     apart = np.flatnonzero(width[: LEVELS * 2 // 3] == 0.0)
     crotch = int(apart[-1]) + 1 if len(apart) else 0
+    first = crotch + begins * (LEVELS - crotch)
     joins = crotch + 2 + np.flatnonzero(width[crotch + 2 :] > JOIN * width[crotch:-2])
-    joins = joins[joins > 0.5 * (crotch + LEVELS)]
-    upper = np.arange((crotch + LEVELS) // 2, joins[0] if len(joins) else LEVELS)
+    joins = joins[joins > first]
+    upper = np.arange(int(first), joins[0] if len(joins) else LEVELS)
     if not len(upper):
         return None
     chest = int(upper[np.argmax(width[upper])])
@@ -165,21 +281,44 @@ def _trunk_of(points: Points, triangles: Indices) -> _Trunk | None:
         return None
     neck, level = float(heights[narrow[0]]), across[chest]
     box = across[int(narrow[0])]
-    length = neck - float(heights[crotch])
     if level is None or box is None or level[3] - level[2] > FLAT * shoulders:
         return None
     feet = _apart([each for each in boxes[LOWEST] if _width(each) > SCRAP * shoulders])
-    if not TRUNK[0] * shoulders < length < TRUNK[1] * shoulders or not 1 <= len(feet) <= MOST_ENDS:
-        return None
     above = width[narrow[0] :]
     is_wider = above.max() > WIDER * np.minimum.accumulate(above)[int(above.argmax())]
-    high = (top - neck) / shoulders
+    high = (levels.top - neck) / shoulders
     has_head = high > HEAD or (high > STUB and bool(is_wider))
     sides = boxes[crotch + round(ELBOWS * (narrow[0] - crotch)) : narrow[0]]
     reach = max(max(each[1] for each in level) - min(each[0] for each in level) for level in sides)
     has_arms = reach > ARMS * shoulders
-    depth = 0.5 * (box[2] + box[3])
-    return _Trunk(middle, depth, shoulders, neck, float(heights[crotch]), top, bottom, feet, has_head, has_arms)
+    low, depth = float(heights[crotch]), 0.5 * (box[2] + box[3])
+    return _Trunk(levels.middle, depth, shoulders, neck, low, levels.bottom, feet, has_head, has_arms)
+
+
+def _hips_of(levels: _Levels) -> _Trunk | None:
+    """The trunk of which the lower part is there, with its legs or their upper ends; None: it is none."""
+    boxes, heights, across, widths = levels.boxes, levels.heights, levels.across, levels.width
+    if not all(boxes):
+        return None
+    apart = np.flatnonzero(widths == 0.0)
+    crotch = int(apart[-1]) + 1 if len(apart) else 0
+    if not 0 < crotch < LEVELS - 1 or not widths[crotch:].all():
+        return None
+    widest = crotch + int(widths[crotch:].argmax())
+    hips, box, top = float(widths[widest]), across[widest], across[-1]
+    low, above = float(heights[crotch]), levels.top - float(heights[crotch])
+    legs = boxes[crotch - 1]
+    if box is None or top is None or len(legs) != 2 or min(_width(leg) for leg in legs) < LEG * hips:
+        return None
+    is_whole = low - levels.bottom > LEGS_LEFT * hips and HIPS_LEFT * hips < above < PLAIN_TRUNK * hips
+    if not is_whole or _width(top) < NECK * hips or box[3] - box[2] > FLAT * hips:
+        return None
+    feet = _apart([each for each in boxes[LOWEST] if _width(each) > SCRAP * hips])
+    if len(feet) != MOST_ENDS:
+        return None
+    width, depth = SHOULDERS_TO_HIPS * hips, 0.5 * (top[2] + top[3])
+    neck = low + PLAIN_TRUNK * width
+    return _Trunk(levels.middle, depth, width, neck, low, levels.bottom, feet, False, False, has_all=False)
 
 
 def _apart(boxes: Sequence[Box]) -> tuple[Box, ...]:
@@ -190,6 +329,12 @@ def _apart(boxes: Sequence[Box]) -> tuple[Box, ...]:
         if not any(right < each[1] and each[0] < left and back < each[3] and each[2] < front for each in found):
             found.append(box)
     return tuple(found)
+
+
+def _extent(boxes: Sequence[Box]) -> float:
+    """From side to side, or from back to front, of boxes together, whichever is more [m]; 0 of none."""
+    low, high = np.min(boxes or [(0.0,) * 4], axis=0), np.max(boxes or [(0.0,) * 4], axis=0)
+    return float(max(high[1] - low[0], high[3] - low[2]))
 
 
 def _width(box: Box) -> float:

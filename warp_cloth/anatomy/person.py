@@ -74,7 +74,8 @@ def _left_out(body: Mesh, skeleton: Skeleton) -> tuple[str, ...]:
     np.minimum.at(lower, part, body.points)
     np.maximum.at(upper, part, body.points)
     extent = (upper - lower).max(axis=1)
-    further = np.flatnonzero((part == np.arange(len(part))) & ~skeleton.own & (extent > LARGE * skeleton.span))
+    is_apart = np.bincount(part, skeleton.own, len(part)) == 0  # else it is grown together with what is left out
+    further = np.flatnonzero((part == np.arange(len(part))) & is_apart & (extent > LARGE * skeleton.span))
     sizes = [float(extent[n]) for n in further if (lower[n] < low).any() or (upper[n] > high).any()]
     if not sizes:
         return ()

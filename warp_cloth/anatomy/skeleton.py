@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.anatomy.completing import completed
+from warp_cloth.anatomy.completing import Completed, completed
 from warp_cloth.anatomy.geodesics import EdgeGraph, Floats, level_lines, nearest_points, row_lengths
 from warp_cloth.anatomy.ground import above_ground
 from warp_cloth.anatomy.wrapping import wrapped
@@ -178,8 +178,8 @@ def _found_in(body: Mesh, *, may_stand: bool, may_lack: bool) -> Skeleton | str:
         return standing
     around = _on_wrap(body, points, triangles)
     if around is None and may_lack:
-        tried = (_on_wrap(body, *surface) for surface in completed(points, triangles))
-        around = next((_with_lacks(each, body) for each in tried if each is not None), None)
+        tried = (_on_completed(body, surface) for surface in completed(points, triangles))
+        around = next((each for each in tried if each is not None), None)
     return found if around is None else around  # the reason is that of its own surface
 
 
@@ -194,12 +194,16 @@ def _on_wrap(body: Mesh, points: Points, triangles: Indices) -> Skeleton | None:
     return replace(limbs, is_of_wrap=True)
 
 
-def _with_lacks(found: Skeleton, body: Mesh) -> Skeleton:
-    """The skeleton of a body that was completed, with the limbs whose tips it lacks."""
+def _on_completed(body: Mesh, surface: Completed) -> Skeleton | None:
+    """The skeleton of a body on its completed surface, with the limbs whose tips it lacks; None: it has none."""
+    found = _on_wrap(body, surface.points, surface.triangles)
+    if found is None:
+        return None
     tips = np.stack([curve[-1] for curve in found.curves])
-    skin = body.points[np.unique(body.triangles)]
+    skin = body.points[surface.own[surface.own < body.vertex_count]]
     off = row_lengths(skin[nearest_points(skin, tips)] - tips)
-    return replace(found, lacks=tuple(np.flatnonzero(off > LACKING * found.span).tolist()))
+    own = found.own & np.isin(np.arange(body.vertex_count), surface.own)
+    return replace(found, own=own, lacks=tuple(np.flatnonzero(off > LACKING * found.span).tolist()))
 
 
 def _on_ground(body: Mesh, points: Points, triangles: Indices) -> Skeleton | None:
@@ -276,7 +280,7 @@ def without_loose_parts(body: Mesh, skeleton: Skeleton) -> tuple[Mesh, Skeleton]
     """A body's connected part that has the limbs, and its skeleton: without eyes, hair, a scan's specks and floor."""
     own = skeleton.own
     number = np.cumsum(own) - 1
-    triangles = number[body.triangles[own[body.triangles[:, 0]]]].astype(np.int32)
+    triangles = number[body.triangles[own[body.triangles].all(axis=1)]].astype(np.int32)
     limb, station = skeleton.limb[own], skeleton.station[own]
     limbs = replace(skeleton, skin=body.points[own], limb=limb, station=station, own=own[own])
     return Mesh(body.name, body.points[own], triangles), limbs
