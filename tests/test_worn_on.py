@@ -17,6 +17,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.cli.main import app
 from warp_cloth.fitting.fit import fit
 from warp_cloth.garment.outfit import load_outfit
+from warp_cloth.loading import load_mesh
 from warp_cloth.maps.measure import MeasuredBody
 from warp_cloth.scene import MannequinShape, load_scene
 from warp_cloth.shapes import MannequinMeasures, mannequin
@@ -204,12 +205,28 @@ def test_a_scan_measures_the_same_in_a_fit_and_by_itself(scan: Path) -> None:
 
 
 def outfit_file(path: Path, *parts: tuple[np.ndarray, np.ndarray]) -> Path:
-    """A .glb with a node "part0", "part1" ... for each mesh."""
-    scene = trimesh.Scene()
-    for number, (points, faces) in enumerate(parts):
-        mesh = trimesh.Trimesh(points, faces, process=False)
-        scene.add_geometry(mesh, node_name=f"part{number}", geom_name=f"part{number}")
-    scene.export(path)
+    """A file of any format that names meshes, with a mesh "part0", "part1" ... for each."""
+    if path.suffix == ".obj":
+        lines, first = [], 1
+        for number, (points, faces) in enumerate(parts):
+            lines += [f"o part{number}", *(f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist())]
+            lines += [f"f {a} {b} {c}" for a, b, c in (faces + first).tolist()]
+            first += len(points)
+        path.write_text("\n".join(lines) + "\n")
+    elif path.suffix == ".usda":
+        meshes = [
+            f'def Mesh "part{number}" {{\n'
+            f"point3f[] points = {list(map(tuple, points.tolist()))}"
+            f"\nint[] faceVertexCounts = {[3] * len(faces)}\nint[] faceVertexIndices = {faces.ravel().tolist()}\n}}"
+            for number, (points, faces) in enumerate(parts)
+        ]
+        path.write_text("\n".join(['#usda 1.0\n(metersPerUnit = 1\nupAxis = "Y")', *meshes]))
+    else:
+        scene = trimesh.Scene()
+        for number, (points, faces) in enumerate(parts):
+            mesh = trimesh.Trimesh(points, faces, process=False)
+            scene.add_geometry(mesh, node_name=f"part{number}", geom_name=f"part{number}")
+        scene.export(path)
     return path
 
 
@@ -222,14 +239,33 @@ def prims_of(path: Path, **options: Any) -> list[str | None]:
     return [each.prim for each in load_scene(path, on="mannequin", **options).garments]
 
 
-def test_an_outfit_in_one_file_is_several_garments(tmp_path: Path) -> None:
-    path = outfit_file(tmp_path / "outfit.glb", tube_of(0.25, 0.95, 1.3), tube_of(0.27, 0.4, 1.0))
+@pytest.mark.parametrize("kind", ["glb", "obj", "usda"])
+def test_an_outfit_in_one_file_is_several_garments(tmp_path: Path, kind: str) -> None:
+    top, skirt = tube_of(0.25, 0.95, 1.3), tube_of(0.27, 0.4, 1.0)
+    path = outfit_file(tmp_path / f"outfit.{kind}", top, skirt)
     scene = load_scene(path, on="mannequin", fabric="denim")
-    assert [(each.name, each.prim, each.fabric.name) for each in scene.garments] == [
+    assert [(each.name, each.prim.strip("/"), each.fabric.name) for each in scene.garments] == [
         ("part0", "part0", "denim"),
         ("part1", "part1", "denim"),
     ]
-    assert prims_of(path, overrides=["garment.prim=part1"]) == ["part1"]
+    meshes = load_outfit(scene, divides=False).meshes
+    assert all(np.allclose(mesh.points, each) for mesh, (each, _) in zip(meshes, (top, skirt), strict=True))
+    chosen = scene.garments[1].prim
+    assert prims_of(path, overrides=[f"garment.prim={chosen}"]) == [chosen]
+
+
+def test_an_object_of_an_obj_is_named_by_its_place_in_the_file(tmp_path: Path) -> None:
+    """Messages about one object give the lines and numbers of the whole file."""
+    path = outfit_file(tmp_path / "outfit.obj", tube_of(0.25, 0.95, 1.3), tube_of(0.27, 0.4, 1.0))
+    lines = path.read_text().splitlines()
+    first = lines.index("o part1") + 1
+    lines[first] = "v nan 0 0"
+    path.write_text("\n".join(lines))
+    vertex = sum(line.startswith("v ") for line in lines[: first + 1])
+    with pytest.raises(InputError, match=rf"outfit\.obj:{first + 1}: vertex {vertex} is not finite"):
+        load_mesh(path, role="garment", key="garment", prim="part1")
+    with pytest.raises(InputError, match=r'holds no object "part2"; garment\.prim may be part0, part1$'):
+        load_mesh(path, role="garment", key="garment", prim="part2")
 
 
 @pytest.mark.parametrize(
@@ -239,8 +275,9 @@ def test_an_outfit_in_one_file_is_several_garments(tmp_path: Path) -> None:
         (0.251, 1.27, 1.29),  # a trim
     ],
 )
-def test_parts_of_one_garment_stay_one(tmp_path: Path, other: tuple[float, float, float]) -> None:
-    assert prims_of(outfit_file(tmp_path / "shirt.glb", tube_of(0.25, 0.95, 1.3), tube_of(*other))) == [None]
+@pytest.mark.parametrize("kind", ["glb", "obj"])
+def test_parts_of_one_garment_stay_one(tmp_path: Path, other: tuple[float, float, float], kind: str) -> None:
+    assert prims_of(outfit_file(tmp_path / f"shirt.{kind}", tube_of(0.25, 0.95, 1.3), tube_of(*other))) == [None]
 
 
 def test_panels_of_one_garment_stay_one(tmp_path: Path) -> None:

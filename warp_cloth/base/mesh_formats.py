@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-PLAIN = (".obj", ".ply", ".stl")  # one mesh, which has no name; they state no up axis, and need no other file
+OBJ = (".obj",)
+PLAIN = (*OBJ, ".ply", ".stl")  # they state no up axis, and need no other file
 GLTF = (".glb", ".gltf")
 USD = (".usdc", ".usda", ".usd", ".usdz")  # a stage, which may be a whole scene; the likeliest first
-NAMED = (*GLTF, *USD)  # whose meshes have names, so that one file may hold garment and body
+NAMED = (*OBJ, *GLTF, *USD)  # whose meshes have names, so that one file may hold garment and body
 MESHES = (*PLAIN, *GLTF)  # that are never scenes
 SUPPORTED = (*MESHES, *USD)

@@ -51,7 +51,7 @@ def refuse_bodies(
         alone = [garment] if of_file[garment.name] > 1 else []  # of a file whose meshes are garments of their own
         if any(_is_body(part) for part in (*alone, *_tall_parts(garment))):
             problem = f'"{garment.name}" holds a body, too: a surface with a head, arms and legs'
-            remedy = f"export the garment alone, or name its mesh by {key}.prim (in .glb and USD files)"
+            remedy = f"export the garment alone, or name its mesh by {key}.prim (in .obj, .glb and USD files)"
             raise InputError(key, problem, remedy)
 
 

@@ -15,13 +15,12 @@ import numpy as np
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.text import to_utf8
 from warp_cloth.loading.decimals import float32_doubt
-from warp_cloth.loading.raw import CUT_OFF, EXPORT_AGAIN, POSED, RawMesh, joined
+from warp_cloth.loading.raw import CUT_OFF, EXPORT_AGAIN, LISTED, POSED, RawMesh, joined
 
 _GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
 _TRIANGLE_MODES = (4, 5)  # triangles and strips, which trimesh reads; a missing mode is 4
 _FAN_MODE = 6
 _INSTANCING = "EXT_mesh_gpu_instancing"
-_LISTED = 6  # names in a message
 _UV = "_TEXCOORD"  # custom attribute under which trimesh hands texture coordinates on without a material
 
 
@@ -151,7 +150,7 @@ def _keep_only(tree: dict[str, Any], name: str, file: str, key: str) -> None:
         below += children
     selected |= {n for n, node in enumerate(nodes) if "mesh" in node and meshes[node["mesh"]].get("name") == name}
     if not any("mesh" in nodes[number] for number in selected):
-        known = ", ".join(_mesh_names(tree)[:_LISTED])
+        known = ", ".join(_mesh_names(tree)[:LISTED])
         raise InputError(file, f'holds no mesh "{name}"', f"{key}.prim may be {known}" if known else EXPORT_AGAIN)
     for number, node in enumerate(nodes):
         if number not in selected:

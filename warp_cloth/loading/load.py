@@ -13,7 +13,7 @@ import numpy as np
 from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Folds, Mesh
-from warp_cloth.base.mesh_formats import GLTF, PLAIN, SUPPORTED, USD
+from warp_cloth.base.mesh_formats import GLTF, NAMED, OBJ, PLAIN, SUPPORTED, USD
 from warp_cloth.base.units import BodyUp, LengthUnit
 from warp_cloth.loading.decimals import half_step, shortest_decimals
 from warp_cloth.loading.generic import read_gltf, read_stl
@@ -26,8 +26,7 @@ from warp_cloth.loading.sizes import choose_unit, refuse_far
 from warp_cloth.loading.unique_rows import used_ids
 from warp_cloth.loading.usd import read_usd
 
-_READERS: dict[str, Callable[[str, bytes], RawMesh]] = {  # of the plain formats
-    ".obj": read_obj,
+_READERS: dict[str, Callable[[str, bytes], RawMesh]] = {  # of formats whose meshes have no names
     ".ply": read_ply,
     ".stl": read_stl,
 }
@@ -67,7 +66,7 @@ def load_mesh(
         path: .obj, .ply, .stl, .glb, .gltf, .usd, .usda, .usdc or .usdz.
         role: "garment" or "avatar".
         key: the scene table that names the file ("garment", "garment[1]", "avatar"), for messages.
-        prim: prim path in a USD file, name in a glTF file; None: the only mesh.
+        prim: prim path in a USD file, name in a glTF file or an OBJ; None: the only mesh.
         units: length unit; None: as the file declares, or guessed.
         up: up axis of a format that does not state it; None: y.
         rest: with "uv" or "auto", triangles without area are kept if they have one in texture space.
@@ -206,12 +205,14 @@ def read_raw(
     if kind not in SUPPORTED:
         problem = f"{path.suffix or 'a file without extension'!s} is not a supported mesh format"
         raise InputError(path, problem, f"use one of {', '.join(SUPPORTED)}")
-    if prim is not None and kind not in GLTF:
+    if prim is not None and kind not in NAMED:
         raise InputError(path, f"{key}.prim is given, but {kind} files have no prims", f"remove {key}.prim")
     try:
         with np.errstate(all="ignore"):  # non-finite values are refused later
             if kind in GLTF:
                 return read_gltf(str(path), data, key=key, name=prim)
+            if kind in OBJ:
+                return _stood_up(read_obj(str(path), data, key=key, name=prim), up)
             return _stood_up(_READERS[kind](str(path), data), up)
     except (ValueError, ArithmeticError, LookupError, RecursionError) as error:
         reason = " ".join(str(error).split())[:120]

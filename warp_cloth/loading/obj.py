@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.text import to_utf8
-from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh
+from warp_cloth.loading.raw import EXPORT_AGAIN, LISTED, Floats, Ints, RawMesh
 
 # Statements of the format (and "vc", which some tools add for colours) that say nothing about faces.
 _IGNORED = frozenset(
@@ -23,6 +23,7 @@ _INDEX = rb"\d{1,9}"
 WIDEST = 64  # numbers in a row that are looked for by one expression: those with more take long to build
 _REMARK = re.compile(rb"(?:^|\s)#")  # within a word "#" belongs to a name
 _GROUPINGS = (b"g", b"o", b"usemtl")  # what may stand for panels, best first
+_OBJECTS = (b"o", b"g")  # what may stand for meshes, best first
 
 
 @dataclass
@@ -39,8 +40,11 @@ class _Statements:
     groups: dict[bytes, list[tuple[int, str]]] = field(default_factory=dict)  # (first face, name) by statement
 
 
-def read_obj(file: str, data: bytes) -> RawMesh:
-    """Polygons of an OBJ. Negative indices, continued lines, and faces of any size are understood."""
+def read_obj(file: str, data: bytes, *, key: str = "", name: str | None = None) -> RawMesh:
+    """Polygons of an OBJ. Negative indices, continued lines, and faces of any size are understood.
+
+    ``name``: only those of that object; see ``obj_mesh_names``.
+    """
     data = to_utf8(data)
     if b"\0" in data:
         raise InputError(file, "is not an OBJ file: it holds binary data", "check the file's name and content")
@@ -54,7 +58,7 @@ def read_obj(file: str, data: bytes) -> RawMesh:
     materials, material_names = _named(statements, b"usemtl")
     if len(material_names) < 2:
         materials, material_names = None, ()
-    return RawMesh(
+    raw = RawMesh(
         file=file,
         points=points,
         counts=counts,
@@ -67,6 +71,40 @@ def read_obj(file: str, data: bytes) -> RawMesh:
         vertex_lines=np.array(statements.vertex_lines, dtype=np.int64),
         face_lines=np.array(statements.face_lines, dtype=np.int64),
         first_index=1,
+    )
+    return raw if name is None else _object_of(raw, name, *_objects(statements), key)
+
+
+def obj_mesh_names(file: str, data: bytes) -> list[str]:
+    """Names of the objects of an OBJ by ``o``, else ``g``, as ``read_obj`` takes them, in the file's order."""
+    return list(_objects(_sorted_lines(file, to_utf8(data)))[1])
+
+
+def _objects(statements: _Statements) -> tuple[Ints | None, tuple[str, ...]]:
+    """The object of each face, and their names."""
+    return _distinct(statements, _OBJECTS)
+
+
+def _object_of(raw: RawMesh, name: str, objects: Ints | None, names: tuple[str, ...], key: str) -> RawMesh:
+    """The faces of one object, with the vertices from the first to the last that it uses."""
+    if objects is None or name not in names:
+        known = ", ".join(names[:LISTED])
+        raise InputError(raw.file, f'holds no object "{name}"', f"{key}.prim may be {known}" if known else EXPORT_AGAIN)
+    chosen = objects == names.index(name)
+    of_corner = np.repeat(chosen, raw.counts)
+    corners = raw.corners[of_corner]
+    first, last = int(corners.min(initial=len(raw.points))), int(corners.max(initial=-1)) + 1
+    return replace(
+        raw,
+        points=raw.points[first:last],
+        counts=raw.counts[chosen],
+        corners=corners - first,
+        texcoords=None if raw.texcoords is None else raw.texcoords[of_corner],
+        vertex_lines=None if raw.vertex_lines is None else raw.vertex_lines[first:last],
+        face_lines=None if raw.face_lines is None else raw.face_lines[chosen],
+        panels=None if raw.panels is None else raw.panels[chosen],
+        materials=None if raw.materials is None else raw.materials[chosen],
+        first_index=raw.first_index + first,
     )
 
 
@@ -218,9 +256,14 @@ def _at_corners(texcoords: Floats, corner_texcoords: Ints) -> Floats | None:
 
 
 def _panels(statements: _Statements) -> tuple[Ints | None, tuple[str, ...]]:
-    """Panel of each face by ``g``, else ``o``, else ``usemtl``: the first of them that distinguishes faces."""
+    """Panel of each face by ``g``, else ``o``, else ``usemtl``."""
+    return _distinct(statements, _GROUPINGS)
+
+
+def _distinct(statements: _Statements, keywords: tuple[bytes, ...]) -> tuple[Ints | None, tuple[str, ...]]:
+    """What ``_named`` returns of the first statement that distinguishes faces, else of the first that names any."""
     only: tuple[Ints | None, tuple[str, ...]] = (None, ())
-    for keyword in _GROUPINGS:
+    for keyword in keywords:
         panels, names = _named(statements, keyword)
         if len(names) > 1:
             return panels, names

@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 
 EXPORT_AGAIN = "export the mesh again"
 CUT_OFF = "the file is cut off or damaged: export it again"
+LISTED = 6  # names in a message
 AGREE, MOST = 0.05, 0.5  # of sides of polygons in texture space: how near their scales are, and of what fraction
 POSED = "skeleton and blend shapes are not applied: the mesh is used as stored"  # a note
 

@@ -10,25 +10,28 @@ import numpy as np
 from warp_cloth.anatomy.openings import NARROWEST
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points, face_normals
+from warp_cloth.base.mesh_formats import GLTF, NAMED, OBJ
 from warp_cloth.base.topology import build_topology
 from warp_cloth.loading.generic import gltf_mesh_names
 from warp_cloth.loading.load import load_mesh
+from warp_cloth.loading.obj import obj_mesh_names
 from warp_cloth.loading.trims import SHARE
 from warp_cloth.loading.unique_rows import unique_rows
+from warp_cloth.loading.usd import mesh_paths_of
 
 SEAM = 1e-4  # [m]; vertices of two meshes that are as near to each other are one, and sewn
 SEWN = 0.25  # of a rim's vertices, from which on it is a seam: shells of one body share a vertex here and there
 
 
 def separate_garments(path: Path) -> list[str]:
-    """The names of the meshes of a glTF file that are garments of their own, in its order; [] where it holds one.
+    """The names of the meshes of a file that are garments of their own, in its order; [] where it holds one.
 
     All are, or none: each has two openings at least and is no trim of another, and no rim lies on the vertices of
     another, as those of panels and parts do along their seams.
     """
     try:
         data = path.read_bytes()
-        names = gltf_mesh_names(str(path), data)
+        names = _mesh_names(path, data)
         if len(names) < 2 or len(set(names)) < len(names):
             return []
         meshes = [load_mesh(path, role="garment", key="garment", prim=name, data=data) for name in names]
@@ -41,6 +44,16 @@ def separate_garments(path: Path) -> list[str]:
     pairs = permutations(zip(meshes, rims, strict=True), 2)
     sewn = any(_lies_on(rim, other.points) for (_, own), (other, _) in pairs for rim in own)
     return [] if sewn else names
+
+
+def _mesh_names(path: Path, data: bytes) -> list[str]:
+    """The name of each mesh of a file, by which ``load_mesh`` reads it alone."""
+    kind = path.suffix.lower()
+    if kind in OBJ:
+        return obj_mesh_names(str(path), data)
+    if kind in GLTF:
+        return gltf_mesh_names(str(path), data)
+    return mesh_paths_of(str(path)) if kind in NAMED else []
 
 
 def _rims(mesh: Mesh) -> list[Points]:

@@ -116,7 +116,7 @@ class Wearable(Table):
     prim: str | None = Field(
         default=None,
         min_length=1,
-        description="USD prim path, or name in a .glb or .gltf file, of a mesh or a group; by default the only mesh.",
+        description="USD prim path or name in a .glb, .gltf or .obj, of a mesh or group; by default the only mesh.",
     )
     units: LengthUnit | None = Field(
         default=None,

@@ -67,20 +67,19 @@ def in_fabric(values: dict[str, Any], fabric: Any) -> dict[str, str]:
 
 
 def _garment(path: Path, names_prim: bool) -> Any:
-    """A garment's table; of a USD stage that says which of its meshes are cloth, or of a glTF outfit, theirs."""
+    """A garment's table; of a USD stage that says which of its meshes are cloth, or of an outfit, theirs."""
     if path.suffix.lower() in PATTERN_SUFFIXES:
         return {"pattern": str(path)}
-    if path.suffix.lower() in mesh_formats.GLTF and not names_prim:
+    if path.suffix.lower() in mesh_formats.USD:
+        cloths = stage_values(path)["garment"]
+        if isinstance(cloths, list):
+            return [{**cloth, "mesh": str(path)} for cloth in cloths]
+    if path.suffix.lower() in mesh_formats.NAMED and not names_prim:
         from warp_cloth.loading.separate import separate_garments  # and with it all readers of meshes
 
         if names := separate_garments(path):
             return [{"mesh": str(path), "prim": name} for name in names]
-    if path.suffix.lower() not in mesh_formats.USD:
-        return {"mesh": str(path)}
-    cloths = stage_values(path)["garment"]
-    if not isinstance(cloths, list):
-        return {"mesh": str(path)}
-    return [{**cloth, "mesh": str(path)} for cloth in cloths]
+    return {"mesh": str(path)}
 
 
 def missing_file(path: Path, *others: str) -> InputError:
