@@ -90,6 +90,21 @@ def test_faces_keep_the_materials_of_their_file(tmp_path: Path) -> None:
     assert np.array_equal(again.materials[: mesh.triangle_count], mesh.materials)
 
 
+def test_materials_of_one_name_in_two_files_stay_two(tmp_path: Path) -> None:
+    """Or the trousers would have the shirt's colour, and one could not be changed without the other."""
+    garments = []
+    for name in ("shirt", "trousers"):
+        mesh = replace(worn(name).mesh, name=name, material_names=("Fabric", "Lining"))
+        mesh = replace(mesh, materials=np.zeros(mesh.triangle_count, dtype=np.int32))
+        garments.append(replace(worn(name), mesh=mesh))
+    write_obj(tmp_path / "fit.obj", garments=garments)
+    looks = (tmp_path / "fit.mtl").read_text().splitlines()
+    assert [line for line in looks if line.startswith("newmtl")] == ["newmtl Fabric", "newmtl Fabric_trousers"]
+    used = [line for line in (tmp_path / "fit.obj").read_text().splitlines() if line.startswith("usemtl")]
+    assert used == ["usemtl Fabric", "usemtl Fabric_trousers"]
+    assert len({line for line in looks if line.startswith("Kd")}) == 2
+
+
 def test_point_caches_hold_every_frame_of_each_garment(tmp_path: Path) -> None:
     garments = [worn("shirt", frame_count=4), worn("coat")]
     paths = write_point_caches(tmp_path / "fit.pc2", garments=garments)

@@ -118,20 +118,25 @@ def write_obj(path: Path, *, garments: Sequence[WornGarment]) -> Path:
     """Writes the garments in metres, y up, and their materials; returns the path of the materials' file.
 
     An object each, one more for its trims, a group for each panel, normals per vertex, texture coordinates per corner.
-    Where a garment's file has several materials, its faces keep theirs by name.
+    Where a garment's file has several materials, its faces keep theirs by name; a name that a garment of another file
+    has, too, is followed by the garment's.
     """
     require_sound(garments, None)
     materials = material_file(path)
     lines = [f"mtllib {_word(materials.name)}"]
     looks: list[str] = []
+    file_of: dict[str, str] = {}  # that each material is of
     vertex = texcoord = 1
     for index, worn in enumerate(garments):
         mesh, material = worn.mesh, material_name(worn)
         red, green, blue = linear(cloth_colour(index)).tolist()
         names = [_word(name) for name in mesh.material_names] if mesh.materials is not None else [material]
-        for name in dict.fromkeys(names):
-            if f"newmtl {name}" in looks:
-                continue  # an inner garment's
+        names = [name if file_of.get(name, mesh.name) == mesh.name else f"{name}_{_word(worn.name)}" for name in names]
+        used = names if mesh.materials is None else [names[each] for each in np.unique(mesh.materials)]
+        for name in dict.fromkeys(used):
+            if name in file_of:
+                continue  # an inner garment's, of the same file
+            file_of[name] = mesh.name
             looks += [f"newmtl {name}", f"Kd {red:.4g} {green:.4g} {blue:.4g}", f"Pr {ROUGHNESS:g}", "illum 1"]
         lines.append(f"o {_word(worn.name)}")
         lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in worn.points.tolist()]
