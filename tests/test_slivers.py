@@ -13,7 +13,7 @@ from scipy.spatial import Delaunay
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
 from warp_cloth.loading import load_mesh
-from warp_cloth.loading.slivers import without_slivers
+from warp_cloth.loading.slivers import _turning, without_slivers
 
 AROUND = 48
 SKIRT = tube(0.15, 0.4, 0.8, AROUND, 24)
@@ -115,3 +115,25 @@ def test_a_corner_on_the_longest_side_is_joined_with_the_face_across(tmp_path: P
     if has_texture:
         assert mesh.texcoords is not None
         np.testing.assert_allclose(mesh.texcoords, flat[mesh.triangles])
+
+
+def test_turning_faces_are_those_found_one_by_one() -> None:
+    points, faces = with_needles(0.1, corner=0.7)
+    points = points + np.random.default_rng(1).normal(scale=0.004, size=points.shape)  # so that some turn
+    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    ways = np.concatenate([edges, edges[:, ::-1]])
+    by_vertex = np.argsort(faces.ravel(), kind="stable")
+    start = np.searchsorted(faces.ravel()[by_vertex], np.arange(len(points) + 1))
+    found = _turning([points[faces]], faces, by_vertex, start, ways)
+    expected = []
+    for goes, stays in ways.tolist():
+        own = [face for face in faces[by_vertex[start[goes] : start[goes + 1]] // 3] if stays not in face]
+        moved = [np.where(face == goes, stays, face) for face in own]
+        pairs = zip(own, moved, strict=True)
+        expected.append(any(normal_of(points[one]) @ normal_of(points[other]) <= 0.0 for one, other in pairs))
+    assert 0.1 < np.mean(expected) < 0.9
+    np.testing.assert_array_equal(found, expected)
+
+
+def normal_of(corners: np.ndarray) -> np.ndarray:
+    return np.cross(corners[1] - corners[0], corners[2] - corners[0])

@@ -202,30 +202,57 @@ def _chosen(places: list[Floats], triangles: Ints, short: Ints, fixed: NDArray[n
     ``places``: of the faces' corners, in space and in the texture, shape [F, 3, 3] each.
     """
     near = np.flatnonzero(np.isin(triangles, short).any(axis=1))
-    faces: dict[int, list[tuple[int, list[int]]]] = {}
-    for row, own in zip(near.tolist(), triangles[near].tolist(), strict=True):
-        for corner in own:
-            faces.setdefault(corner, []).append((row, own))
-    ring = {corner: {each for _, own in rows for each in own} - {corner} for corner, rows in faces.items()}
+    own = triangles[near]
+    by_vertex = np.argsort(own.ravel(), kind="stable")  # corners of faces, those of a vertex together
+    start = np.searchsorted(own.ravel()[by_vertex], np.arange(len(fixed) + 1))
+    ways = np.stack([short, short[:, ::-1]], axis=1)  # either end may go, into the other
+    turns = _turning([each[near] for each in places], own, by_vertex, start, ways.reshape(-1, 2)).reshape(-1, 2)
+    rows, first, held = own[by_vertex // 3].tolist(), start.tolist(), fixed.tolist()
+
+    def ring_of(vertex: int) -> set[int]:
+        return {each for row in rows[first[vertex] : first[vertex + 1]] for each in row} - {vertex}
+
     gone: dict[int, int] = {}
     touched: set[int] = set()
-    for a, b in short.tolist():
-        for goes, stays in sorted(((a, b), (b, a)), key=lambda pair: len(ring[pair[0]])):
-            area = ring[goes] | ring[stays]
-            if fixed[goes] or area & touched or len(ring[goes] & ring[stays]) != 2:
-                continue
-            shared = next((row, own.index(stays)) for row, own in faces[goes] if stays in own)
-            moved = [(row, own.index(goes)) for row, own in faces[goes] if stays not in own]
-            if not any(_turns(each[row], corner, each[shared]) for each in places for row, corner in moved):
-                gone[goes] = stays
-                touched |= area
-                break
+    for (a, b), turning in zip(short.tolist(), turns.tolist(), strict=True):
+        ring = {a: ring_of(a), b: ring_of(b)}
+        area = ring[a] | ring[b]
+        if not area.isdisjoint(touched) or len(ring[a] & ring[b]) != 2:
+            continue
+        ends = sorted(((a, b, turning[0]), (b, a, turning[1])), key=lambda end: len(ring[end[0]]))
+        chosen = next(((goes, stays) for goes, stays, turned in ends if not (held[goes] or turned)), None)
+        if chosen is not None:
+            gone[chosen[0]] = chosen[1]
+            touched |= area
     return gone
 
 
-def _turns(face: Floats, corner: int, to: Floats) -> bool:
-    """Whether a face turns over, or becomes a line, where one of its corners moves; shape [3, 3] and [3]."""
-    after = face.copy()
-    after[corner] = to
-    normals = face_normals(np.stack([face, after]))
-    return float(normals[0] @ normals[1]) <= 0.0
+def _turning(places: list[Floats], triangles: Ints, by_vertex: Ints, start: Ints, ways: Ints) -> NDArray[np.bool_]:
+    """Whether a face turns over, or becomes a line, where a vertex goes into another, shape [N].
+
+    Args:
+        places: of the faces' corners, shape [F, 3, 3] each.
+        triangles: shape [F, 3].
+        by_vertex: their corners, three a face, in the order of their vertices.
+        start: of each vertex's own in that order, shape [V + 1].
+        ways: the vertex that goes, and the other one, shape [N, 2].
+    """
+    goes, stays = ways.T
+    count = start[goes + 1] - start[goes]
+    way = np.repeat(np.arange(len(ways)), count)
+    corner = by_vertex[np.arange(len(way)) - np.repeat(np.cumsum(count) - count, count) + start[goes][way]]
+    is_other = triangles[corner // 3] == stays[way, None]
+    shared = np.flatnonzero(is_other.any(axis=1))
+    ways_shared, first = np.unique(way[shared], return_index=True)
+    to = np.zeros((len(ways), 2), dtype=np.int64)  # the face that shows where the other one is, and its corner
+    to[ways_shared] = np.stack([corner[shared] // 3, is_other[shared].argmax(axis=1)], axis=1)[first]
+    moved = np.flatnonzero(~is_other.any(axis=1))
+    face, of_face, way = corner[moved] // 3, corner[moved] % 3, way[moved]
+    turning = np.zeros(len(ways), dtype=bool)
+    for each in places:
+        before = each[face]
+        after = before.copy()
+        after[np.arange(len(face)), of_face] = each[to[way, 0], to[way, 1]]
+        turned = np.einsum("ij,ij->i", face_normals(before), face_normals(after)) <= 0.0
+        turning[way[turned]] = True
+    return turning
