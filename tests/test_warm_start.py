@@ -79,16 +79,16 @@ def test_garments_of_a_result_are_told_by_their_names(tmp_path: Path) -> None:
     both = warp_cloth.fit(sheets(0.9, 0.7), device="cpu")
     write_meshes(both, tmp_path, formats=("usdc", "glb", "obj"))
     lower = load_scene({**sheets(), "garment": sheets(0.9, 0.7)["garment"][1]})  # type: ignore[index]
-    for start in (both, *(tmp_path / f"scene.{suffix}" for suffix in ("usdc", "glb"))):
+    for start in (both, *(tmp_path / f"scene.{suffix}" for suffix in ("usdc", "glb", "obj"))):
         (worn,) = earlier_garments(start, lower)
         np.testing.assert_allclose(worn[1], both.garments[1].points, atol=1e-6)
         for names in (["another"], ["upper", "lower", "third"]):
+            if names == ["another"] and str(start).endswith(".obj"):
+                continue  # all of it may be one garment
             spec = {**sheets(), "garment": [{**sheets(0.9)["garment"][0], "name": name} for name in names]}  # type: ignore[index]
             told = rf'has "upper", "lower", but the scene has "{names[0]}".*garment\.name'
             with pytest.raises(InputError, match=told):
                 earlier_garments(start, load_scene(spec))
-    with pytest.raises(InputError, match=r'scene\.obj: has "scene", but the scene has "upper", "lower"'):
-        earlier_garments(tmp_path / "scene.obj", both.scene)
 
 
 def test_a_start_that_corresponds_to_nothing_is_refused(first: Fit, tmp_path: Path) -> None:

@@ -250,6 +250,7 @@ def test_an_outfit_in_one_file_is_several_garments(tmp_path: Path, kind: str) ->
     ]
     meshes = load_outfit(scene, divides=False).meshes
     assert all(np.allclose(mesh.points, each) for mesh, (each, _) in zip(meshes, (top, skirt), strict=True))
+    assert len(meshes[1].panel_names) < 2  # of its own alone
     chosen = scene.garments[1].prim
     assert prims_of(path, overrides=[f"garment.prim={chosen}"]) == [chosen]
 

@@ -16,8 +16,8 @@ from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.export.meshes import AVATAR_NODE, TRIMS_NODE
 from warp_cloth.fitting.problem import Problem
 from warp_cloth.loading import load_mesh
-from warp_cloth.loading.generic import gltf_mesh_names
 from warp_cloth.loading.load import read_raw
+from warp_cloth.loading.separate import mesh_names
 from warp_cloth.loading.usd import opened_stage
 from warp_cloth.loading.usd_physics import SURFACE, applied
 from warp_cloth.loading.usd_units import meshes_of
@@ -62,11 +62,12 @@ def saved_result(path: Path, names: Sequence[str]) -> list[Worn]:
         raise InputError(path, "no such file", "give a file that an earlier fit has written")
     suffix = path.suffix.lower()
     garments: Sequence[tuple[str, str | None]] = [(path.stem, None)]
-    if suffix in mesh_formats.GLTF and path.is_file():
+    if suffix in (*mesh_formats.OBJ, *mesh_formats.GLTF) and path.is_file():
         read_raw(path, role="garment", key="start", prim=None)  # refuses a file that cannot be read
-        nodes = gltf_mesh_names(str(path), path.read_bytes())
+        nodes = mesh_names(path, path.read_bytes())
         cloths = [name for name in nodes if not name.endswith((AVATAR_NODE, TRIMS_NODE))] or nodes
-        garments = [(name, name) for name in cloths] or garments
+        if suffix in mesh_formats.GLTF or len(names) > 1 or names[0] in cloths:  # else an OBJ's may be panels
+            garments = [(name, name) for name in cloths] or garments
     elif suffix in mesh_formats.USD and path.is_file():
         garments = _stage_garments(path)
     chosen = chosen_garments([name for name, _ in garments], names, path)

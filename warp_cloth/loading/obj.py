@@ -23,7 +23,6 @@ _INDEX = rb"\d{1,9}"
 WIDEST = 64  # numbers in a row that are looked for by one expression: those with more take long to build
 _REMARK = re.compile(rb"(?:^|\s)#")  # within a word "#" belongs to a name
 _GROUPINGS = (b"g", b"o", b"usemtl")  # what may stand for panels, best first
-_OBJECTS = (b"o", b"g")  # what may stand for meshes, best first
 
 
 @dataclass
@@ -81,18 +80,23 @@ def obj_mesh_names(file: str, data: bytes) -> list[str]:
 
 
 def _objects(statements: _Statements) -> tuple[Ints | None, tuple[str, ...]]:
-    """The object of each face, and their names."""
-    return _distinct(statements, _OBJECTS)
+    """The object of each face, and their names: by ``g``, which may be panels, only where no object is named."""
+    return _named(statements, b"o" if b"o" in statements.groups else b"g")
 
 
 def _object_of(raw: RawMesh, name: str, objects: Ints | None, names: tuple[str, ...], key: str) -> RawMesh:
     """The faces of one object, with the vertices from the first to the last that it uses."""
     if objects is None or name not in names:
         known = ", ".join(names[:LISTED])
-        raise InputError(raw.file, f'holds no object "{name}"', f"{key}.prim may be {known}" if known else EXPORT_AGAIN)
+        remedy = f"{key}.prim may be {known}" if known else f"it names none: remove {key}.prim"
+        raise InputError(raw.file, f'holds no object "{name}"', remedy)
     chosen = objects == names.index(name)
     of_corner = np.repeat(chosen, raw.counts)
     corners = raw.corners[of_corner]
+    panels, panel_names = _used(raw.panels, raw.panel_names, chosen)
+    materials, material_names = _used(raw.materials, raw.material_names, chosen)
+    if len(material_names) < 2:
+        materials, material_names = None, ()
     first, last = int(corners.min(initial=len(raw.points))), int(corners.max(initial=-1)) + 1
     return replace(
         raw,
@@ -102,10 +106,20 @@ def _object_of(raw: RawMesh, name: str, objects: Ints | None, names: tuple[str, 
         texcoords=None if raw.texcoords is None else raw.texcoords[of_corner],
         vertex_lines=None if raw.vertex_lines is None else raw.vertex_lines[first:last],
         face_lines=None if raw.face_lines is None else raw.face_lines[chosen],
-        panels=None if raw.panels is None else raw.panels[chosen],
-        materials=None if raw.materials is None else raw.materials[chosen],
+        panels=panels,
+        panel_names=panel_names,
+        materials=materials,
+        material_names=material_names,
         first_index=raw.first_index + first,
     )
+
+
+def _used(numbers: Ints | None, names: tuple[str, ...], chosen: np.ndarray) -> tuple[Ints | None, tuple[str, ...]]:
+    """What ``_named`` returns of the chosen faces alone, in the order of the names."""
+    if numbers is None:
+        return None, ()
+    used, own = np.unique(numbers[chosen], return_inverse=True)
+    return own.astype(np.int64), tuple(names[each] for each in used.tolist())
 
 
 def _lines(data: bytes) -> list[bytes]:
@@ -256,14 +270,9 @@ def _at_corners(texcoords: Floats, corner_texcoords: Ints) -> Floats | None:
 
 
 def _panels(statements: _Statements) -> tuple[Ints | None, tuple[str, ...]]:
-    """Panel of each face by ``g``, else ``o``, else ``usemtl``."""
-    return _distinct(statements, _GROUPINGS)
-
-
-def _distinct(statements: _Statements, keywords: tuple[bytes, ...]) -> tuple[Ints | None, tuple[str, ...]]:
-    """What ``_named`` returns of the first statement that distinguishes faces, else of the first that names any."""
+    """Panel of each face by ``g``, else ``o``, else ``usemtl``: the first of them that distinguishes faces."""
     only: tuple[Ints | None, tuple[str, ...]] = (None, ())
-    for keyword in keywords:
+    for keyword in _GROUPINGS:
         panels, names = _named(statements, keyword)
         if len(names) > 1:
             return panels, names

@@ -31,23 +31,27 @@ def separate_garments(path: Path) -> list[str]:
     """
     try:
         data = path.read_bytes()
-        names = _mesh_names(path, data)
+        names = mesh_names(path, data)
         if len(names) < 2 or len(set(names)) < len(names):
             return []
-        meshes = [load_mesh(path, role="garment", key="garment", prim=name, data=data) for name in names]
+        meshes, rims = [], []
+        for name in names:
+            meshes.append(load_mesh(path, role="garment", key="garment", prim=name, data=data))
+            rims.append(_rims(meshes[-1]))
+            if len(rims[-1]) < 2:
+                return []  # the first panel tells
     except (InputError, OSError, ValueError, LookupError, TypeError, AttributeError):
         return []  # told where the file is read as a whole
     areas = [float(np.linalg.norm(face_normals(mesh.points[mesh.triangles]), axis=1).sum()) for mesh in meshes]
-    rims = [_rims(mesh) for mesh in meshes]
-    if min(areas) < SHARE * max(areas) or any(len(own) < 2 for own in rims):
+    if min(areas) < SHARE * max(areas):
         return []
     pairs = permutations(zip(meshes, rims, strict=True), 2)
     sewn = any(_lies_on(rim, other.points) for (_, own), (other, _) in pairs for rim in own)
     return [] if sewn else names
 
 
-def _mesh_names(path: Path, data: bytes) -> list[str]:
-    """The name of each mesh of a file, by which ``load_mesh`` reads it alone."""
+def mesh_names(path: Path, data: bytes) -> list[str]:
+    """The name of each mesh of a file with this content, by which ``load_mesh`` reads it alone; [] of other formats."""
     kind = path.suffix.lower()
     if kind in OBJ:
         return obj_mesh_names(str(path), data)
