@@ -44,6 +44,15 @@ def test_where_a_ruffle_goes(name: str, kind: str) -> None:
     assert named(name).kind == kind
 
 
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("TURTLENECK", "collar"), ("Roll neck", "collar"), ("TURTLENECK FRONT", "front"), ("Polo-neck sleeve", "sleeve"),
+     ("Besatz Vorderteil", "none"), ("CARTERA", "none"), ("裤耳", "none"), ("BACK RISER", "yoke")],
+)  # fmt: skip
+def test_words_of_rooms(name: str, kind: str) -> None:
+    assert named(name).kind == kind
+
+
 def test_a_wrap_skirt_says_where_it_is_left_open(tmp_path: Path) -> None:
     draft = read_drafted(write(tmp_path / "a.dxf", {"M": EVERYDAY["wrap skirt"]()}))
     assert sum(note.startswith("the front is left open at") for note in draft.notes) == 1

@@ -169,3 +169,15 @@ def test_side_panels_beside_what_may_be_their_middle_one_are_no_halves(tmp_path:
     backs = {index for index, part in enumerate(draft.parts) if part.kind == "side_back"}
     assert len(backs) == 2
     assert not [joint for joint in draft.joints if backs & {side.panel for side in (*joint.one, *joint.other)}]
+
+
+@pytest.mark.parametrize("is_across", [False, True])
+def test_a_lower_sleeve_is_an_under_sleeve_unless_it_is_cut_across(is_across: bool, tmp_path: Path) -> None:
+    """A forearm has straight ends; an under sleeve's top is hollow."""
+    names = {"TOP SLEEVE": "UPPER SLEEVE", "UNDER SLEEVE": "LOWER SLEEVE"}
+    pieces = [replace(piece, name=names.get(piece.name, piece.name)) for piece in PANELLED["jacket"]()]
+    pieces = [*pieces[:-1], band("LOWER SLEEVE", 34.0, 25.0, "2")] if is_across else pieces
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": pieces}, Style()))
+    (kind,) = {part.kind for part in draft.parts if part.name == "LOWER SLEEVE"}
+    assert kind == ("sleeve" if is_across else "under_sleeve")
+    assert is_across or kinds(draft) == TRUE_PANELLED_SEAMS["jacket"]

@@ -28,7 +28,7 @@ from warp_cloth.pattern.kinds import (
 )
 from warp_cloth.pattern.middles import with_middles
 from warp_cloth.pattern.one_shoulder import is_no_half, one_shoulder_roles
-from warp_cloth.pattern.panel_roles import half_skirt_roles, parted_at_underarm
+from warp_cloth.pattern.panel_roles import half_skirt_roles, is_cut_across, parted_at_underarm
 from warp_cloth.pattern.part_roles import roles_of, side_of
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import opened
@@ -258,7 +258,7 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: Top) -> Par
     elif piece.what.panel == SIDE_PANEL and kind:
         kind = f"side_{kind}"
     elif piece.what.panel == UNDER_SLEEVE:
-        kind = "under_sleeve"
+        kind = kind if is_cut_across(piece) else "under_sleeve"
     elif kind == "yoke" and piece.what.face == "front" and is_at_neck(piece):
         kind = "front_yoke"
     elif kind in ("front", "back") and kind not in panelled:

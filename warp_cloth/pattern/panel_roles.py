@@ -9,6 +9,7 @@ import numpy as np
 from warp_cloth.pattern.bodices import arm_side, bodice_roles
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
+from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.roles import BENT, Roles, Shape, ends_of, sleeve_roles
 
 SHARP = 0.5 * BENT  # turn at which one seam ends and another begins
@@ -200,6 +201,12 @@ def godet_roles(shape: Shape) -> Roles:
         if are_straight and shape.turn_after(up) > TIP and min(lengths) > (1.0 - LEGS_ALIKE) * max(lengths):
             found.append((max(lengths), (up, down)))
     return {"legs": max(found)[1]} if found else {}
+
+
+def is_cut_across(piece: Piece) -> bool:
+    """Whether a sleeve's lower piece has straight ends: a forearm, and no under sleeve, whose top is hollow."""
+    shape = Shape(piece.edges, np.array([0.0, 1.0]))
+    return all(shape.is_straight(k) for k in shape.order if shape.runs_across(k))
 
 
 def parted_at_underarm(edges: tuple[Chain, ...], up: Floats, notches: Floats) -> tuple[Chain, ...]:

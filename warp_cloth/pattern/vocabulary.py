@@ -13,9 +13,9 @@ WORDS = (
         "none",
         r"facing|(?<!neck )(?<!neckline )\bbinding|\bbias\b|paspel|schragband|\blini\b|\blng\b"
         r"|interlin|interfac|fusing|fusible|\bfuse\b|lining|label|pocket|flap|welt|belt\b|loop|plac?ket|\bplkt\b"
-        r"|placard|\bfly\b|\btasche|tasche\b|taschen|beleg|futter|einlage|etikett|schlaufe|\bpatten?\b"
+        r"|placard|\bfly\b|\btasche|tasche\b|taschen|beleg|besatz|besaetze|futter|einlage|etikett|schlaufe|\bpatten?\b"
         r"|leiste|schlitz|\bzak\b|zakken|voering|\bpoche|parement|doublure|enforme|entoilage|rabat|passant"
-        r"|biais|\bpattes?\b|bolsi?l?lo|\bbolso|\bvista\b|forro|entretela|tapeta|trabilla|bragueta|carcela"
+        r"|biais|\bpattes?\b|bolsi?l?lo|\bbolso|\bvista\b|\bcarteras?\b|\bpasador(es)?\b|forro|entretela|tapeta|trabilla|bragueta|carcela"
         r"|\bvies\b|solapa de bols|tasca|fodera|\bpassante|paramontura|ripiego|\bpatta\b|taschino|sbieco"
         r"|\w +elastics? *$|elastic (guide|template|tape)|^ *elasti(co|que)s? |gummi(band)?\b"  # no band of such cloth
         r"|\bpatch(es)?\b|draw ?(string|cord)"
@@ -23,7 +23,7 @@ WORDS = (
         r"|kordel\b|tunnelzug|cordoncillo|抽绳|补丁"
         r"|kiesze|podszew|obloz|kapsa|podsivk|karman|podklad|\bобтачк|подборт|підборт|кишен|карман|подклад|клапан|шлевк|шлівк|підклад|дублер|\bcep\b"
         r"|cebi|astar|\bpervaz|\blomme|\bficka|tasku|vuori|tuki\b|lisake|kou ?dai|dou ?bu|li ?bu|gua ?mian|袋"
-        r"|里布|里料|贴边|挂面|衬|门襟|ポケット|見返し|裏地|주머니|안감|zseb|belebujt|\bbeles|buzunar|captuseal",
+        r"|里布|里料|贴边|挂面|衬|门襟|门筒|裤耳|ポケット|見返し|裏地|주머니|안감|zseb|belebujt|\bbeles|buzunar|captuseal",
     ),
     (
         "strap",
@@ -69,7 +69,7 @@ WORDS = (
     ),
     (
         "yoke",
-        r"yoke|\byk\b|passe\b|\w+pas\b|\bsattel|schulterpasse|empiecement|canesu|\bpala\b|sprone|carre\b|karczek|sedlo"
+        r"yoke|\byk\b|\briser\b|passe\b|\w+pas\b|\bsattel|schulterpasse|empiecement|canesu|\bpala\b|sprone|carre\b|karczek|sedlo"
         r"|koketk|кокетк|\broba\b|\bbesparing|kaarroke|yu ?ke|guo ?jian|育克|过肩|過肩|ヨーク|요크",
     ),
     ("godet", r"godet"),
@@ -105,6 +105,8 @@ WORDS = (
         r"|\bht\b|rear|arriere|achter|\btyl|zadni|spink|спинк|зад|\bzad|\barka|baksty|bakst|\bbak\b|bagstyk"
         r"|takakap|\btaka|\bhou(?!se|r)|后|後|\bushiro|뒤|than sau|\bhat(a|ulja|so|resz)\b|\bspate\b",
     ),
+    # a collar by the name of the garment, which its front and sleeves may have, too
+    ("collar", r"(turtle|roll|polo|mock|funnel|cowl)[ _-]*neck\b|cuello (alto|vuelto)|\bcol roule|高领"),
 )
 # Words for a band of rib (plain "rib" may be the cloth of a sleeve), and for where it goes, which tells its kind
 RIB = r"ribana|lastigi|b(ue|u)ndchen|bord[ _-]*cotes?\b|\bcostin|\bcanale\b|\bbord(o|ino)\b|罗纹"
@@ -147,7 +149,7 @@ STAND = (
     r"|стойк|stojak|stojka|\bayak|(di|xia) ?ling|ling ?zuo|领座|領座|底领|下领|台衿|台襟"
 )
 UNDER = (
-    r"under|\bbottom\b|unter|\bonder|dessous|de abajo|menor|\bsotto|inferior|spodni|нижн|\balt\b|\bala ?osa"
+    r"under|\bbottom\b|\blower\b|unter|\bonder|dessous|de abajo|menor|\bsotto|inferior|spodni|нижн|\balt\b|\bala ?osa"
     r"|\balis|\bxiao ?xiu|小袖|内袖|內袖|下袖|안"
 )
 LEFT_WORDS = (
