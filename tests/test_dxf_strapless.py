@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from dxf_patterns import Drafted, Point, bezier, line, write
+from dxf_patterns import Drafted, Point, band, bezier, line, write
 from test_dxf import kinds
 
 from warp_cloth.pattern import read_drafted
@@ -67,3 +68,22 @@ def test_strapless_tops_are_worn_under_the_arms(name: str, tmp_path: Path) -> No
 def test_skirts_stay_skirts(name: str, tmp_path: Path) -> None:
     draft = read_drafted(write(tmp_path / "a.dxf", {"M": SKIRTS[name]}))
     assert [part.kind for part in draft.parts] == ["skirt_front", "skirt_back"]
+
+
+def mermaid(name: str) -> Drafted:
+    """Half a skirt that is hollow at the knee, as the sides of a bodice are at the armhole."""
+    side = bezier((30.0, 0.0), (14.0, 30.0), (26.0, 50.0), (17.0, 80.0))
+    edges = [line((0.0, 0.0), (30.0, 0.0)), side, line((17.0, 80.0), (0.0, 80.0)), line((0.0, 80.0), (0.0, 0.0))]
+    return Drafted(name, edges, "1", ((0.0, 80.0), (0.0, 0.0)))
+
+
+@pytest.mark.parametrize("is_halved", [False, True])
+def test_skirts_with_hollow_sides_are_no_bodices(is_halved: bool, tmp_path: Path) -> None:
+    """Their waistband was sewn round their hems, which is no waist."""
+    front, back = mermaid("FRONT"), mermaid("BACK")
+    back = replace(back, quantity="2", fold=None) if is_halved else back
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": [front, back, band("WAISTBAND", 68.0, 4.0)]}))
+    middle = {"centre back": 1} if is_halved else {}
+    assert kinds(draft) == {"side": 2, "waistband": 1, "waistband ends": 1, **middle}
+    (around,) = (joint for joint in draft.joints if joint.reason.startswith("waistband,"))
+    assert all(side.edge in draft.parts[side.panel].roles["waist"] for side in around.other)

@@ -33,12 +33,12 @@ from warp_cloth.pattern.part_roles import roles_of, side_of
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import opened
 from warp_cloth.pattern.pocket_openings import without_pocket_openings
-from warp_cloth.pattern.roles import Roles, Shape, concave_count, is_strip, pants_roles, upright
+from warp_cloth.pattern.roles import Roles, Shape, is_strip, pants_roles, upright
 from warp_cloth.pattern.round_skirts import ring_of
 from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
 from warp_cloth.pattern.strapless import strapless_roles
 from warp_cloth.pattern.tier_strips import with_faces_of_tiers
-from warp_cloth.pattern.tops import Top, is_at_neck, top_of
+from warp_cloth.pattern.tops import Top, cut_outs, is_at_neck, top_of
 
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
 SINGLE = ("front", "back", "bib", "collar", "waistband", "hem_band", *YOKES, *SKIRTS)
@@ -324,8 +324,7 @@ def _worn_on(piece: Piece, face: str, top: Top) -> str:
     """
     if top.has_one_shoulder or top.is_strapless:
         return face
-    shape = Shape(piece.edges, upright(piece.edges, face))
-    hollow = concave_count(shape)
+    hollow = cut_outs(piece)
     if piece.mirror is not None:
         return face if hollow >= 2 or (top.has_bodice and face in top.lone) else f"skirt_{face}"
     if hollow and (top.has_bodice or (top.has_half_bodice and face in top.lone)):

@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
 
+import numpy as np
+
 from warp_cloth.pattern.briefs import briefs_sure
 from warp_cloth.pattern.by_shape import is_bodice
 from warp_cloth.pattern.kinds import COLLARS, HALF_SLEEVES, LEFT, RIGHT, YOKE_OF
 from warp_cloth.pattern.one_shoulder import have_one_shoulder
-from warp_cloth.pattern.panel_roles import yoke_roles
+from warp_cloth.pattern.panel_roles import smooth_runs, yoke_roles
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.roles import Shape, concave_count, upright
+from warp_cloth.pattern.roles import Shape, concave_count, skirt_roles, upright
 from warp_cloth.pattern.strapless import are_strapless
 
 LOWER = ("leg", "skirt", "waistband")  # kinds of what may hang from straps, too
+LEVEL_TOP = 0.08  # rise over width, of a waist at most; a neck between shoulders has more
+LEAST_WAIST = 0.24  # [m] of half a waist, before or behind; the top of a bib is narrower
 TOPS = ("sleeve", *HALF_SLEEVES, *COLLARS, "hood")
 
 
@@ -36,7 +40,7 @@ class Top:
 def top_of(kinds: Set[str], pieces: Sequence[Piece]) -> Top:
     has_top = not kinds.isdisjoint(TOPS) or _hangs_from_straps(kinds, pieces)
     whole = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is not None]
-    has_bodice = any(concave_count(Shape(each.edges, upright(each.edges, "front"))) >= 2 for each in whole)
+    has_bodice = any(cut_outs(each) >= 2 for each in whole)
     halves = [piece for piece in pieces if piece.what.kind in ("front", "back") and piece.mirror is None]
     has_half_bodice = any(is_bodice(each) for each in halves)
     yokes = [piece for piece in pieces if piece.what.kind == "yoke" and is_at_neck(piece)]
@@ -65,6 +69,24 @@ def _briefs_sure(pieces: Sequence[Piece]) -> float | None:
     """How sure fronts and backs are of briefs, as they are not where one of them has a neck and shoulders."""
     faces = [[each for each in pieces if each.what.kind.endswith(f) and not each.what.panel] for f in ("front", "back")]
     return None if any(is_bodice(each) for face in faces for each in face) else briefs_sure(*faces)
+
+
+def cut_outs(piece: Piece) -> int:
+    """How many edges of a front or back are cut out, for neck, arms or crotch.
+
+    The sides of a tube, as of a mermaid skirt, are none: each runs without a corner from the hem up to a level waist.
+    """
+    shape = Shape(piece.edges, upright(piece.edges, "front"))
+    hollow = concave_count(shape)
+    if not hollow:
+        return 0
+    roles = skirt_roles(Shape(piece.edges, upright(piece.edges, "skirt")))
+    sides = [roles["side+"], roles["side-"]]
+    top = [shape.turned[k].points for k in roles["waist"]]
+    size = np.ptp(np.concatenate(top), axis=0) if top else np.zeros(2)
+    is_waist = size[1] < LEVEL_TOP * size[0] and size[0] > LEAST_WAIST * (0.5 if piece.mirror is None else 1.0)
+    is_tube = is_waist and all(len(smooth_runs(shape, side)) == 1 for side in sides)
+    return hollow - sum(shape.is_concave(k) for side in sides for k in side) if is_tube else hollow
 
 
 def is_at_neck(yoke: Piece) -> bool:
