@@ -17,13 +17,13 @@ from warp_cloth.pattern.draft import Stated
 YOKED = Counter({"shoulder": 2, "side": 2, "yoke": 2, "sleeve cap": 2, "underarm": 2})
 
 
-def dress(wider: float, has_sleeves: bool = True) -> list[Drafted]:
-    """A dress, each half of it this much wider below its yokes [cm]."""
+def dress(wider: float, has_sleeves: bool = True, neck: float = 9.0, high: float = 13.0) -> list[Drafted]:
+    """A dress, each half of it this much wider below its yokes; its neck is so deep, the yokes are so high [cm]."""
     pieces, armholes = [], []
-    for name, depth in (("FRONT", 9.0), ("BACK", 2.5)):
+    for name, depth in (("FRONT", neck), ("BACK", 2.5)):
         half = half_body(name, 25.0, 95.0, 8.0, depth, 19.5)
         armholes.append(length(half.edges[2]))
-        yoke, under = yoke_and_back(half, 13.0)
+        yoke, under = yoke_and_back(half, high)
         hem, side, armhole, top, fold = under.edges
         corner = (hem[1][0] + wider, 0.0)
         moved = [[(x + wider, y) for x, y in edge] for edge in (side, armhole)]
@@ -39,6 +39,12 @@ def test_fronts_and_backs_are_sewn_to_their_yokes(wider: float, tmp_path: Path) 
     assert kinds(draft) == YOKED
     assert not draft.unsewn
     assert boundary_loops(path, DraftOptions()) == 4
+
+
+def test_a_neck_that_reaches_far_down_a_yoke_does_not_turn_it_upside_down(tmp_path: Path) -> None:
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": dress(0.0, neck=11.0, high=8.0)}))
+    assert kinds(draft) == YOKED
+    assert not draft.unsewn
 
 
 def test_yokes_of_a_sleeveless_dress_tell_that_it_is_a_top(tmp_path: Path) -> None:

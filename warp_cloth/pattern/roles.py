@@ -136,7 +136,7 @@ def upright(edges: tuple[Chain, ...], kind: str) -> Floats:
     shape = Shape(edges, np.array([0.0, 1.0]))
     low, high = shape.box
     height = float(high[1] - low[1])
-    if kind in ("front", "back", "side_front", "side_back", "leg_front", "leg_back", "leg", *YOKES):
+    if kind in ("front", "back", "side_front", "side_back", "leg_front", "leg_back", "leg"):
         hollow = [k for k in shape.order if shape.is_concave(k)]
         weights = [-shape.bow(k) / max(shape.edges[k].chord, 1e-9) for k in hollow]  # a waist is long, and less hollow
         rise = sum(w * (shape.middle(k)[1] - low[1]) for w, k in zip(weights, hollow, strict=True))
@@ -149,7 +149,7 @@ def upright(edges: tuple[Chain, ...], kind: str) -> Floats:
         above = float(shape.middle(most)[1] - low[1]) / height - 0.5
     elif kind == "sleeve" and all(_is_flat(shape, shape.run(*end)) for end in ends_of(shape)):
         above = (shape.width(0.96) - shape.width(0.04)) / max(shape.width(0.5), 1e-6)  # a straight cap is the wider end
-    elif kind == "skirt" or kind.endswith(("sleeve", "skirt_front", "skirt_back", "gore")):
+    elif kind in ("skirt", *YOKES) or kind.endswith(("sleeve", "skirt_front", "skirt_back", "gore")):
         above = (shape.width(0.04) - shape.width(0.96)) / max(shape.width(0.5), 1e-6)
     else:
         above = 0.0
