@@ -103,6 +103,13 @@ def opens_between_fronts(parts: Sequence[Part], ring: Sequence[Side]) -> bool:
     return len({*ends}) == 2 and all(parts[panel].kind in ("front", "skirt_front") for panel in ends)
 
 
+def has_rival(parts: Sequence[Part], ring: Sequence[Side]) -> bool:
+    """Whether a piece that a ring of edges does not go through is of the same kind and side as one that it does."""
+    own = {side.panel for side in ring}
+    keys = {(parts[panel].kind, parts[panel].side, parts[panel].level) for panel in own}
+    return any((part.kind, part.side, part.level) in keys for panel, part in enumerate(parts) if panel not in own)
+
+
 def around(
     parts: Sequence[Part], fronts: tuple[str, ...], backs: tuple[str, ...], role: str, low: bool
 ) -> tuple[Side, ...]:

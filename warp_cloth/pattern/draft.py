@@ -36,6 +36,7 @@ from warp_cloth.pattern.pocket_openings import without_pocket_openings
 from warp_cloth.pattern.roles import Roles, Shape, is_strip, pants_roles, upright
 from warp_cloth.pattern.round_skirts import ring_of
 from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
+from warp_cloth.pattern.stacked import with_stacked
 from warp_cloth.pattern.strapless import strapless_roles
 from warp_cloth.pattern.tier_strips import with_faces_of_tiers
 from warp_cloth.pattern.tops import Top, cut_outs, is_at_neck, top_of
@@ -98,6 +99,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
     parts: list[Part] = []
     left_out = [piece for piece in pieces if stated.get(piece.name, Stated()).place == "none"]
     told, notes = _identified([piece for piece in pieces if piece not in left_out])
+    told = with_stacked(told, stated.keys())
     told, tiered = with_faces_of_tiers(told, {name for name, said in stated.items() if said.copies or said.place})
     notes += tiered
     told, closed = without_pocket_openings(_with_half_sleeves(told))
@@ -276,7 +278,8 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: Top) -> Par
     is_half = kind in SKIRTS and piece.mirror is None and (copies is None or all(copies))
     ring = brief or (ring_of(piece.edges, is_half) if kind in (*SKIRTS, "gore") else None)
     is_strapless = top.is_strapless and kind in YOKE_OF
-    turn = (1.0 if is_strapless else upright(piece.edges, kind)[1]) * np.eye(2)  # half a turn keeps the warp along y
+    is_upright = is_strapless or piece.what.level is not None
+    turn = (1.0 if is_upright else upright(piece.edges, kind)[1]) * np.eye(2)  # half a turn keeps the warp along y
     up = UPWARDS
     if ring is not None:
         turn, up = (np.eye(2), ring.up) if abs(ring.up[0]) > ASLANT else (np.sign(ring.up[1]) * np.eye(2), UPWARDS)
@@ -288,7 +291,7 @@ def _part(piece: Piece, said: Stated, panelled: frozenset[str], top: Top) -> Par
         edges = parted_at_underarm(edges, UPWARDS, piece.notches @ turn)
     mirror = piece.mirror if len(edges) == len(piece.edges) else None
     part = Part(piece.name, edges, tuple(range(len(edges))), mirror, piece.notches @ turn, lines,
-                kind, side, up, {}, sure, holes, darts)  # fmt: skip
+                kind, side, up, {}, sure, holes, darts, level=piece.what.level or 0)  # fmt: skip
     shape = part.shape
     roles = roles_of(kind, shape, mirror is not None, kind in panelled, kind in top.yoked)
     if top.has_one_shoulder and kind in YOKE_OF:

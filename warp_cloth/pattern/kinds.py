@@ -142,6 +142,7 @@ class Named:
     is_facing: bool = False  # by its shape it faces another piece, and is left out
     is_ruffle: bool = False
     is_tier: bool = False  # of a skirt
+    level: int | None = None  # from above, of a skirt's pieces that lie one below another, drawn upright
 
 
 def plain(text: str) -> str:

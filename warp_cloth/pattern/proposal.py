@@ -15,6 +15,7 @@ import numpy as np
 from warp_cloth.pattern.band_rings import (
     are_unshaped_skirts,
     around,
+    has_rival,
     is_round_armhole,
     opens_between_fronts,
     ring_of,
@@ -325,6 +326,7 @@ def _bands(parts: Sequence[Part]) -> Iterable[Joint]:
         ring = ring_of(parts, band)
         if not ring:
             continue
+        sure *= DOUBTED if part.kind == "hem_band" and has_rival(parts, ring) else 1.0
         ease = ARMHOLE_EASE if is_round_armhole(parts, band) else BAND_EASE
         if part.kind == "waistband" and are_unshaped_skirts(parts, ring):
             is_full = length_of(parts, run_of(band, part.roles["long"])) < (1.0 + ease[0]) * length_of(parts, ring)

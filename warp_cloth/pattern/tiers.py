@@ -30,7 +30,8 @@ def with_tiers(parts: Sequence[Part]) -> tuple[Part, ...]:
     Where their order is not sure, they are doubted.
     """
     own = {face: parts_of_kind(parts, f"skirt_{face}") for face in FACES}
-    if max(map(len, own.values())) < 2 or not any(named(parts[n].name).is_tier for each in own.values() for n in each):
+    is_told = any(parts[n].level or named(parts[n].name).is_tier for each in own.values() for n in each)
+    if max(map(len, own.values())) < 2 or not is_told:
         return tuple(parts)
     out = list(parts)
     orders = {face: _from_above(parts, each) for face, each in own.items()}
@@ -53,6 +54,8 @@ def _from_above(parts: Sequence[Part], own: Sequence[int]) -> list[int]:
     if any(parts[index].side != BOTH or not parts[index].roles.get("hem") for index in own):
         return []
     wide = {index: parts[index].shape.length(parts[index].roles.get("waist", ())) for index in own}
+    if any(parts[index].level for index in own):  # told by how they fit
+        return sorted(own, key=lambda index: parts[index].level)
     numbers = {index: number_of(parts[index].name) for index in own}
     is_numbered = None not in numbers.values() and len({*numbers.values()}) == len(own)
     order = sorted(own, key=lambda index: ((numbers[index] or 0) if is_numbered else 0, wide[index]))

@@ -9,11 +9,12 @@ import numpy as np
 
 from warp_cloth.pattern.briefs import briefs_sure
 from warp_cloth.pattern.by_shape import is_bodice
+from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.kinds import COLLARS, HALF_SLEEVES, LEFT, RIGHT, YOKE_OF
 from warp_cloth.pattern.one_shoulder import have_one_shoulder
 from warp_cloth.pattern.panel_roles import smooth_runs, yoke_roles
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.roles import Shape, concave_count, skirt_roles, upright
+from warp_cloth.pattern.roles import Roles, Shape, concave_count, skirt_roles, upright
 from warp_cloth.pattern.strapless import are_strapless
 
 LOWER = ("leg", "skirt", "waistband")  # kinds of what may hang from straps, too
@@ -72,21 +73,28 @@ def _briefs_sure(pieces: Sequence[Piece]) -> float | None:
 
 
 def cut_outs(piece: Piece) -> int:
-    """How many edges of a front or back are cut out, for neck, arms or crotch.
-
-    The sides of a tube, as of a mermaid skirt, are none: each runs without a corner from the hem up to a level waist.
-    """
+    """How many edges of a front or back are cut out, for neck, arms or crotch; the sides of a tube are not."""
     shape = Shape(piece.edges, upright(piece.edges, "front"))
     hollow = concave_count(shape)
-    if not hollow:
-        return 0
-    roles = skirt_roles(Shape(piece.edges, upright(piece.edges, "skirt")))
-    sides = [roles["side+"], roles["side-"]]
+    roles = tube_roles(piece) if hollow else None
+    sides = (*roles["side+"], *roles["side-"]) if roles else ()
+    return hollow - sum(shape.is_concave(k) for k in sides)
+
+
+def tube_roles(piece: Piece, up: Floats | None = None) -> Roles | None:
+    """Waist, hem and sides of a front or back, or half of one, that goes all round, as of a mermaid skirt; else None.
+
+    Its sides run without a corner from the hem up to a level waist. ``up``: of the piece; None: the narrower end.
+    """
+    if len(piece.edges) < 4:
+        return None
+    shape = Shape(piece.edges, upright(piece.edges, "skirt") if up is None else up)
+    roles = skirt_roles(shape)
     top = [shape.turned[k].points for k in roles["waist"]]
     size = np.ptp(np.concatenate(top), axis=0) if top else np.zeros(2)
     is_waist = size[1] < LEVEL_TOP * size[0] and size[0] > LEAST_WAIST * (0.5 if piece.mirror is None else 1.0)
-    is_tube = is_waist and all(len(smooth_runs(shape, side)) == 1 for side in sides)
-    return hollow - sum(shape.is_concave(k) for side in sides for k in side) if is_tube else hollow
+    is_tube = is_waist and all(len(smooth_runs(shape, roles[f"side{mark}"])) == 1 for mark in "+-")
+    return roles if is_tube else None
 
 
 def is_at_neck(yoke: Piece) -> bool:
