@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dxf_patterns import Drafted, bezier, leggings, line, trousers, write
+from dxf_patterns import Drafted, band, bezier, leggings, line, trousers, write
 from dxf_sewn_in import SEWN_IN, TRUE_SEWN_IN, banded_skirt, hood_of_three, kimono, romper
 from test_dxf import boundary_loops, kinds
 
 from warp_cloth.pattern import DraftOptions, read_drafted
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.draft import Part
+from warp_cloth.pattern.drafted import drafted_pattern
 from warp_cloth.pattern.dxf_drawn import Drawn
 from warp_cloth.pattern.kinds import LEFT, RIGHT, SIDE_PANEL, named, named_all
 from warp_cloth.pattern.labels import copies_of, name_of
@@ -33,6 +34,23 @@ def test_what_is_set_in_is_sewn_in_and_nothing_else_is(garment: str, tmp_path: P
     assert kinds(draft) == TRUE_SEWN_IN[garment]
     assert min(joint.confidence for joint in draft.joints) >= 0.85
     assert boundary_loops(path, DraftOptions()) == OPENINGS[garment]
+
+
+@pytest.mark.parametrize("with_gusset", [False, True])
+def test_cuffs_go_round_the_ends_of_sleeves_cut_in_one(with_gusset: bool, tmp_path: Path) -> None:
+    """They start there, where the sleeves lie straight out, and not at the end of a hanging arm."""
+    path = write(tmp_path / "a.dxf", {"M": [*kimono(with_gusset), band("Polsino", 28.0, 6.0, "2")]})
+    draft = read_drafted(path)
+    garment = "gusset" if with_gusset else "kimono"
+    assert kinds(draft) == {**TRUE_SEWN_IN[garment], "cuff": 2, "cuff ends": 2}
+    assert boundary_loops(path, DraftOptions()) == OPENINGS[garment]
+    panels = drafted_pattern(draft, None).panels
+    for joint in (each for each in draft.joints if each.reason.startswith("cuff,")):
+        middles = []
+        for run in (joint.one, joint.other):
+            wraps = [(panels[side.panel].wrap, draft.parts[side.panel].edges[side.edge].points) for side in run]
+            middles.append(np.mean([wrap.placed(points).mean(axis=0) for wrap, points in wraps if wrap], axis=0))
+        assert float(np.linalg.norm(middles[0] - middles[1])) < 0.01
 
 
 def test_a_slit_is_no_dart_where_a_gusset_may_belong_into_it(tmp_path: Path) -> None:

@@ -32,6 +32,8 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
         faces = HALF_SLEEVES[::-1] if side == LEFT else HALF_SLEEVES
         if halves := [half for face in faces for half in half_sleeves(parts, face, side)]:
             return tuple(each for one in halves for each in run_of(one, parts[one].roles.get("hem", ()), True))
+        if has_wrists(parts):
+            return _round_arm(parts, "wrist", side)
         for leg in parts_of_kind(parts, "leg"):
             if parts[leg].side == side:
                 return run_of(leg, parts[leg].roles.get("hem", ()), True)
@@ -41,7 +43,7 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
         runs = [run_of(leg, parts[leg].roles.get("hem", ()), True) for leg in legs.values()]
         if len(runs) == 2:
             return tuple(each for run in runs for each in run)
-        return _armhole(parts, side) if is_round_armhole(parts, band) else ()
+        return _round_arm(parts, "armhole", side) if is_round_armhole(parts, band) else ()
     gores = parts_of_kind(parts, "gore")
     if kind == "hem_band":
         if gores:
@@ -61,13 +63,18 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
 
 def is_round_armhole(parts: Sequence[Part], band: int) -> bool:
     """Whether a cuff can only go round an armhole: nothing that has an end for it is there."""
-    return parts[band].kind == "cuff" and not parts_of_kind(parts, *WITH_CUFFS)
+    return parts[band].kind == "cuff" and not parts_of_kind(parts, *WITH_CUFFS) and not has_wrists(parts)
 
 
-def _armhole(parts: Sequence[Part], side: int) -> tuple[Side, ...]:
-    """The edges of the armhole on a side, against their direction, from the underarm on."""
+def has_wrists(parts: Sequence[Part]) -> bool:
+    """Whether sleeves are cut in one with fronts or backs: these have ends for cuffs."""
+    return any(f"wrist{mark}" in part.roles for part in parts for mark in "+-")
+
+
+def _round_arm(parts: Sequence[Part], role: str, side: int) -> tuple[Side, ...]:
+    """The edges of the armhole or of a sleeve's end on a side, against their direction, from the underarm on."""
     found = [
-        [run for face in faces_of(parts, kind) if (run := face_run(parts, face, "armhole", side, True))]
+        [run for face in faces_of(parts, kind) if (run := face_run(parts, face, role, side, True))]
         for kind in (("back", "front") if side == LEFT else ("front", "back"))
     ]
     return (*found[0][0], *found[1][0]) if all(len(runs) == 1 for runs in found) else ()

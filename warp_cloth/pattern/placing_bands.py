@@ -7,7 +7,7 @@ from collections.abc import Sequence, Set
 import numpy as np
 
 from warp_cloth.base.curves import arc_lengths
-from warp_cloth.pattern.band_rings import is_round_armhole
+from warp_cloth.pattern.band_rings import has_wrists, is_round_armhole
 from warp_cloth.pattern.collars import FALL, STAND
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.draft import Part
@@ -54,7 +54,9 @@ def band(
     x = points @ np.array([along[1], -along[0]])
     centre = np.full(2, 0.5 * (x.min() + x.max()))
     if part.kind == "cuff":
-        return _cuff(parts, index, figure, along, levels, centre, bend)
+        spots = [] if any(each.kind in SLEEVES for each in parts) else _spots(parts, joints, found, {index})
+        at = np.concatenate(spots).mean(axis=0) if spots and has_wrists(parts) else None
+        return _cuff(parts, index, figure, along, levels, centre, bend, at)
     # a ring begins behind for a collar, at the right side round a waist, at the left below a hem; see band_rings.py
     is_collar = part.kind in COLLARS
     from_back = is_collar or any(each.kind == "leg" for each in parts)
@@ -184,9 +186,16 @@ def _extent(
 
 
 def _cuff(
-    parts: Sequence[Part], index: int, figure: Figure, along: Floats, levels: Floats, centre: Floats, bend: float
+    parts: Sequence[Part],
+    index: int,
+    figure: Figure,
+    along: Floats,
+    levels: Floats,
+    centre: Floats,
+    bend: float,
+    at: Floats | None,
 ) -> Wrap:
-    """At the end of the sleeve, or of the leg where there are no sleeves."""
+    """At the end of the sleeve, or of the leg where there are no sleeves; ``at``: of one in one with the body."""
     part = parts[index]
     side = part.side or (RIGHT if part.twin is not None and part.twin < index else LEFT)
     sleeves = [each for each in parts if each.kind in SLEEVES]
@@ -198,5 +207,8 @@ def _cuff(
     long = share * max(underarm(each) - float(each.shape.box[0][1]) for each in sleeves) if sleeves else reach
     long = 0.0 if at_armhole else long
     origin, toward = along_limb(curve, np.array([long + share * width, long]) + FROM_ARMPIT)
+    if at is not None:  # such sleeves lie straight out from the body
+        toward = np.tile(side * figure.left, (2, 1))
+        origin = at + np.array([[width], [0.0]]) * toward
     across, outward = around_arm(toward, top_of_arm(figure, side))
     return Wrap(along, levels, centre, np.full(2, bend), origin + outward / bend, across, outward)
