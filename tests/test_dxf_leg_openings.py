@@ -53,6 +53,21 @@ def test_the_crotch_ends_at_corners_where_openings_run_flat(tmp_path: Path) -> N
     assert boundary_loops(path, DraftOptions()) == 5
 
 
+def test_a_side_that_runs_out_to_the_bust_is_not_of_the_opening(tmp_path: Path) -> None:
+    """As of a swimsuit, wider at the bust than at the hip; the openings were sewn shut down to the crotch."""
+    pieces = []
+    for name, depth, inner in (("FRONT", 14.0, 8.0), ("BACK", 20.0, 15.0)):
+        crotch, hip, under, tip, high = (4.0, 0.0), (20.0, 20.0), (21.0, 42.0), (9.5, 62.0), (7.0, 62.0)
+        leg, low = bezier(crotch, (5.0, 8.0), (inner, 14.0), hip), (0.0, 62.0 - depth)
+        sides = [bezier(hip, (17.0, 28.0), (18.0, 36.0), under), bezier(under, (14.0, 43.0), (11.0, 48.0), tip)]
+        neck = bezier(high, (6.0, low[1] + 3.0), (4.0, low[1]), low)
+        edges = [line((0.0, 0.0), crotch), leg, *sides, line(tip, high), neck, line(low, (0.0, 0.0))]
+        pieces.append(Drafted(name, edges, "1", (low, (0.0, 0.0))))
+    path = write(tmp_path / "a.dxf", {"M": pieces})
+    assert kinds(read_drafted(path)) == SEAMS
+    assert boundary_loops(path, DraftOptions()) == 5
+
+
 def test_a_pointed_hem_is_no_crotch() -> None:
     half = half_body("FRONT", 26.0, 60.0, 8.5, 9.5, 22.0)
     _, side, *others, centre = half.edges
