@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from warp_cloth.scene.shapes import SphereShape
+from warp_cloth.serve.scratch import PREFIX
 from warp_cloth.shapes import build_avatar
 
 # a cloth on a ball, of some hundredths of a second
@@ -74,6 +75,7 @@ class Running:
 
     address: str
     process: subprocess.Popen[str]
+    scratch: Path  # the folder of its requests' files
 
     def get(self, path: str) -> tuple[int, Any]:
         return self._answer(urllib.request.Request(self.address + path))
@@ -107,6 +109,13 @@ def _read(data: bytes) -> Any:
         return data.decode(errors="replace")
 
 
+def _scratch(pid: int) -> Path:
+    """The folder that a service holds open."""
+    held = [Path(os.readlink(each)) for each in Path(f"/proc/{pid}/fd").iterdir()]
+    (folder,) = (path for path in held if path.name.startswith(PREFIX))
+    return folder
+
+
 def _children(parent: int) -> list[int]:
     found = []
     for entry in Path("/proc").iterdir():
@@ -135,7 +144,7 @@ def running(*arguments: str, environment: dict[str, str] | None = None) -> Itera
     try:
         line = process.stdout.readline()
         assert line.startswith("serving "), line
-        yield Running(line.partition(" on ")[2].partition(";")[0], process)
+        yield Running(line.partition(" on ")[2].partition(";")[0], process, _scratch(process.pid))
     finally:
         process.send_signal(signal.SIGTERM)
         try:

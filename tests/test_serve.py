@@ -50,16 +50,15 @@ if not Path("/proc/self/stat").exists():
     pytest.skip("workers are found under /proc", allow_module_level=True)
 
 QUEUE = 4  # of the service
-SCRATCH = [Path("/dev/shm"), Path(tempfile.gettempdir())]
 
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    folder, others = tmp_path_factory.mktemp("serve"), folders()
+    folder = tmp_path_factory.mktemp("serve")
     with started(folder, "--max-mb", "0.2", environment={"WARP_CLOTH_CACHE": str(folder / "cache")}) as service:
         yield service
         service.process.kill()
-        until(lambda: folders() <= others)  # the workers have seen to it
+        until(lambda: not service.scratch.exists())  # the workers have seen to it
     assert not (folder / "cache").exists()  # where a fit of one's own may keep what it made for a body
 
 
@@ -181,7 +180,7 @@ def test_bad_requests_are_refused_in_one_line(service: Running, content: Any, st
     assert said in answer["error"]
     assert "\n" not in answer["error"]
     assert "Traceback" not in answer["error"]
-    assert not any(str(folder) in answer["error"] for folder in SCRATCH)
+    assert not any(str(folder) in answer["error"] for folder in (service.scratch.parent, tempfile.gettempdir()))
 
 
 def test_a_mesh_may_not_name_other_files(service: Running, tmp_path: Path) -> None:
@@ -287,18 +286,14 @@ def test_it_says_how_it_is_and_what_it_takes(service: Running) -> None:
     assert "swagger" in service.get("/docs")[1]
 
 
-def folders() -> set[Path]:
-    return {path for place in SCRATCH if place.is_dir() for path in place.glob("warp_cloth_serve_*")}
-
-
-def files_left() -> list[Path]:
-    return [path for folder in folders() for path in folder.rglob("*") if path.suffix != ".lease"]
+def files_left(service: Running) -> list[Path]:
+    return [path for path in service.scratch.rglob("*") if path.suffix != ".lease"]
 
 
 def test_no_file_is_left_of_a_body(service: Running) -> None:
     assert service.post(cheap_request(0.3, ("S",), glb="worn"))[0] == 200
     assert service.post({"product": "cloth", "body": BODY})[0] in (200, 422)
-    assert not files_left()
+    assert not files_left(service)
 
 
 def test_a_worker_forgets_bodies_and_takes_over_what_another_left(tmp_path: Path) -> None:
@@ -330,11 +325,10 @@ def test_a_killed_worker_is_replaced_and_its_request_answered(service: Running) 
     assert digests(answer) == right
     assert service.workers() != [worker]
     assert service.get("/health")[1]["restarts"] >= 1
-    assert not files_left()
+    assert not files_left(service)
 
 
 def test_what_cannot_be_answered_in_time_is_refused(tmp_path: Path) -> None:
-    others = folders()
     request = cheap_request(0.3, ("S",))
     with started(tmp_path, "--timeout", "5") as service, ThreadPoolExecutor(QUEUE) as pool:
         (worker,) = service.workers()
@@ -345,7 +339,7 @@ def test_what_cannot_be_answered_in_time_is_refused(tmp_path: Path) -> None:
         assert {reply.result()[0] for reply in waiting} == {504}
         until(lambda: at_work(service) == 0)
         assert worker not in service.workers()  # it was ended
-        assert not files_left()
+        assert not files_left(service)
         assert service.post(request)[0] == 200  # by another
 
         (worker,) = service.workers()
@@ -358,7 +352,7 @@ def test_what_cannot_be_answered_in_time_is_refused(tmp_path: Path) -> None:
         service.process.send_signal(signal.SIGTERM)
         assert first.result() == (503, {"error": "the service is ending; ask again later"})
         assert service.process.wait(30) == 128 + signal.SIGTERM
-        assert folders() <= others
+        assert not service.scratch.exists()
 
 
 def at_work(service: Running) -> int:

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import signal
 import socket
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch.gpu_sharing import shared_gpus
@@ -18,10 +15,9 @@ from warp_cloth.batch.processes import start_forkserver
 from warp_cloth.batch.run import worker_devices
 from warp_cloth.serve.catalogue import read_catalogue
 from warp_cloth.serve.limits import Limits
+from warp_cloth.serve.scratch import scratch_folder
 
-MEMORY = Path("/dev/shm")  # files there are never on a disk
 BACKLOG = 1024  # connections that wait to be accepted
-LEAST_MEMORY = 1 << 30  # [bytes] free there; containers often have less
 
 
 def serve(
@@ -53,7 +49,7 @@ def serve(
     limits = limits or Limits()
     catalogue = read_catalogue(products)
     on_gpus = shared_gpus(device != "cpu" and workers != 1)
-    with _listening(host, port) as listener, _scratch() as scratch, on_gpus as sharing:
+    with _listening(host, port) as listener, scratch_folder() as scratch, on_gpus as sharing:
         devices = worker_devices(device, workers, sharing)
         import uvicorn
 
@@ -98,14 +94,3 @@ def _listening(host: str, port: int) -> Iterator[socket.socket]:
             problem = f"cannot serve there ({getattr(error, 'strerror', None) or error})"
             raise InputError(f"{host}:{port}", problem, "choose another --port, or --host 127.0.0.1") from None
         yield listener
-
-
-@contextlib.contextmanager
-def _scratch() -> Iterator[Path]:
-    """A folder for the files of requests, in memory where there is room; readable by this user alone."""
-    roomy = MEMORY.is_dir() and shutil.disk_usage(MEMORY).free >= LEAST_MEMORY
-    folder = Path(tempfile.mkdtemp(prefix="warp_cloth_serve_", dir=MEMORY if roomy else None))
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
