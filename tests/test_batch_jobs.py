@@ -211,6 +211,8 @@ def test_columns_of_spreadsheets_and_data_frames_without_a_name_are_left_out(tmp
         ("jobs.csv", "name\tscene\na\thanging\n", "separates cells by tabs"),
         ("jobs.csv", "name,scene\n", "has no items"),
         ("jobs.csv", "", "is empty"),
+        ("jobs.csv", 'name,scene\na,hanging\n"b,hanging\nc,hanging\n', "jobs.csv:3: a cell's quotes are not closed"),
+        ("jobs.csv", 'name,scene\na,"hang\n"\n"b,hanging\n"c",hanging\n', "jobs.csv:4: a cell's quotes"),
         ("jobs.parquet", "", "is empty"),
         ("jobs.parquet", "garbage", "not Parquet"),
         ("jobs.txt", "name,scene\n", "is not a format of job files"),

@@ -155,10 +155,15 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
         raise InputError(path, f"cannot be read: {error.strerror or error}", "check its permissions") from None
     except UnicodeDecodeError as error:
         raise InputError(path, f"is not text in UTF-8 (byte {error.start})", "save it as UTF-8") from None
+    table: list[list[str]] = []
+    reader, line = csv.reader(io.StringIO(text, newline=""), strict=True), 1
     try:
-        table = list(csv.reader(io.StringIO(text, newline="")))
-    except csv.Error as error:
-        raise InputError(path, f"not CSV: {error}", REMEDY) from None
+        for cells in reader:
+            table.append(cells)
+            line = reader.line_num + 1
+    except csv.Error:  # otherwise a quote that is not closed would swallow the rows below it
+        problem = "a cell's quotes are not closed, or text follows them"
+        raise InputError(f"{path}:{line}", problem, "write quotes within a quoted cell twice") from None
     if not table:
         raise InputError(path, "is empty", REMEDY)
     header = [name.strip() for name in table[0]]
