@@ -106,6 +106,20 @@ def test_panels_show_the_size_of_what_was_scaled_where_they_were_not(
     assert any("panels in texture space" in note for note in mesh.notes)
 
 
+@pytest.mark.parametrize(
+    ("per_unit", "unit"), [(0.0254, "in"), (2.54, "in"), (25.4, "in"), (0.01, "cm"), (1.0, "cm"), (1 / 32, "cm")]
+)
+def test_panels_in_a_metric_unit_show_that_the_mesh_is_in_inches(tmp_path: Path, per_unit: float, unit: str) -> None:
+    """A shirt of 30 inches, or one for a child of 30 cm; the last is in an atlas from 0 to 1."""
+    corners = [(0, 0), (16, 0), (16, 30), (0, 30)]
+    path = tmp_path / "shirt.obj"
+    lines = [f"v {x} {y} 0\nvt {x * per_unit} {y * per_unit}\n" for x, y in corners]
+    path.write_text("".join(lines) + "f 1/1 2/2 3/3 4/4")
+    mesh = load_mesh(path, role="garment", key="garment")
+    assert mesh.unit == unit
+    assert any("inches assumed, as the panels" in note for note in mesh.notes) == (unit == "in")
+
+
 def test_doll_is_possible_when_stated(tmp_path: Path) -> None:
     body, dress = load(tmp_path, 12.0, "avatar", "cm"), load(tmp_path, 6.0, "garment", "cm")
     check_sizes([("garment", dress)], body)

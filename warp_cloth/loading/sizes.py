@@ -21,8 +21,9 @@ PLAUSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.2, 6.0), "avatar": (
 SMALL: dict[Role, tuple[float, float]] = {"garment": (0.08, 0.2), "avatar": PLAUSIBLE["avatar"]}
 # Largest extent [m] accepted where the unit is stated: dolls and curtains are possible, houses are not.
 POSSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.01, 20.0), "avatar": (0.05, 20.0)}
-# The first of these that gives a usual size is guessed; inches are only suggested, but where no other unit fits.
+# The first of these that gives a usual size is guessed; inches only where panels show them, or no other unit fits.
 GUESSED: tuple[LengthUnit, ...] = ("m", "cm", "mm")
+SAME_LENGTH = 0.01  # within which panels and mesh have the same lengths: those of a worn T-shirt differ by 0.15 %
 LAST: tuple[LengthUnit, ...] = ("in",)  # of garments: 6 to 8 are a glove or a hat, no gown of 7 m
 MAYBE_INCHES: dict[Role, tuple[float, float]] = {"garment": (20.0, 40.0), "avatar": (40.0, 80.0)}  # small in cm
 
@@ -100,6 +101,9 @@ def choose_unit(
         remedy = _possible_units(extent, role, key) or _rescaling(extent, role, key)
         raise InputError(file, problem, remedy)
     unit = fitting[0]
+    if _fits(extent, MAYBE_INCHES[role]) and role == "garment" and scale == 1.0 and _is_in_inches(texture_scale()):
+        note = f"{GUESS_NOTE}: inches assumed, as the panels in texture space have the lengths that the mesh has then"
+        return UnitChoice("in", METRES_PER["in"], (note,))
     note = f"{GUESS_NOTE}: {_PLURALS[unit]} assumed, as the largest extent{scaled} is {extent:.4g}"
     if _fits(extent, MAYBE_INCHES[role]):
         note += f' (if it is in inches, set {key}.units = "in")'
@@ -116,6 +120,12 @@ def _unit_of_panels(extent: float, texture_scale: float | None, role: Role) -> U
             note = f"{GUESS_NOTE}: taken times {metres:.4g}, as its panels in texture space are in {_PLURALS[unit]}"
             return UnitChoice(_unit_name(metres), metres, (note,))
     return None
+
+
+def _is_in_inches(texture_scale: float | None) -> bool:
+    """Whether panels in texture space, in a metric unit, are as long as a mesh in inches."""
+    lengths = [METRES_PER[unit] * (texture_scale or 0.0) for unit in GUESSED]  # of the mesh's unit [m]
+    return bool(np.isclose(lengths, METRES_PER["in"], rtol=SAME_LENGTH, atol=0.0).any())
 
 
 _PLURALS: dict[str, str] = {"m": "metres", "cm": "centimetres", "mm": "millimetres", "in": "inches"}
