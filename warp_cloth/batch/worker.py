@@ -60,7 +60,8 @@ def serve(
 
     ``loader_count``, ``rank``: see LoadCache; ``environment``: see GpuSharing.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started the workers ends them
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started the workers ends them,
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, also where they were forked from a command
     for name, value in environment:
         os.environ.pop(name, None)
         if value is not None:

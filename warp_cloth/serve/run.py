@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import socket
-import sys
 from collections.abc import Callable, Iterator, Sequence
 
 from warp_cloth.base.errors import InputError
@@ -69,16 +67,10 @@ def serve(
 
             address = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
             show(f"serving {', '.join(catalogue)} on {address}; {address}/docs explains it; Ctrl-C ends it")
-            signal.signal(signal.SIGTERM, _end)  # uvicorn raises the signal again once it has ended
             config = uvicorn.Config(make_app(service), log_level="warning", access_log=False, server_header=False)
             Server(config).run([listener])
         finally:
             dispatcher.close()  # interrupted before uvicorn ran, workers would be waited for without end
-
-
-def _end(number: int, _: object) -> None:
-    """Ends this process in order."""
-    sys.exit(128 + number)
 
 
 @contextlib.contextmanager
