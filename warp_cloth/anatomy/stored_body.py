@@ -9,7 +9,8 @@ import numpy as np
 from warp_cloth.anatomy.figure import Figure
 from warp_cloth.anatomy.levels import GIRTHS, Level, body_levels
 from warp_cloth.anatomy.skeleton import Skeleton, skeleton_of
-from warp_cloth.base.mesh import Mesh
+from warp_cloth.anatomy.yielding import yielded
+from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.stored_value import stored_value
 
 PACKAGES = ("anatomy", "kernels/anatomy", "base")  # on whose code it depends
@@ -24,6 +25,11 @@ def stored_skeleton(body: Mesh) -> Skeleton | None:
 def stored_levels(body: Mesh) -> tuple[Level, ...] | None:
     """``levels_of`` a body, from the disk where they are known."""
     return stored_value("levels", PACKAGES, lambda mesh: levels_of(mesh, stored_skeleton(mesh)), body)
+
+
+def stored_yielding(body: Mesh, skeleton: Skeleton) -> Points | None:
+    """``yielded`` of a body with its skeleton, from the disk where it is known."""
+    return stored_value("yielding", PACKAGES, lambda mesh: yielded(mesh, skeleton), body)
 
 
 def levels_of(body: Mesh, skeleton: Skeleton | None) -> tuple[Level, ...] | None:

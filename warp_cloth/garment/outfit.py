@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple, TypeVar
 
+from warp_cloth.anatomy.geodesics import row_lengths
 from warp_cloth.anatomy.linking import Wearing
 from warp_cloth.anatomy.openings import openings_of
 from warp_cloth.anatomy.skeleton import Skeleton
-from warp_cloth.anatomy.stored_body import stored_skeleton
+from warp_cloth.anatomy.stored_body import stored_skeleton, stored_yielding
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.choice import Choice
 from warp_cloth.base.errors import InputError
@@ -42,6 +43,8 @@ from warp_cloth.scene.predrape import predrape_scene_of
 from warp_cloth.shapes import MannequinMeasures, mannequin_measures
 
 FABRIC_KEYS = {"fabric", "pin", "name"}  # keys of a garment that its rest geometry does not depend on
+
+YIELDS = "limbs pass through other skin: both yield there, so that cloth has room"  # a note
 
 T = TypeVar("T")
 Key = tuple[str, ...]
@@ -173,6 +176,8 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None, *, divides: b
     if predrape_scene is not None:
         predraped = _garments(predrape_scene, worn, _all_keys(predrape_scene), cache)
     still = avatar if not poses and scene.collision.avatar != "none" else None
+    if still is not None:
+        avatar = still = _with_room(scene, still, find_skeleton(), cache)
     skin = None if still is None else Skin(still)
     if still is not None:
         opened = _read_as(*open_ends(scene, garments, find_skeleton), cache, divides)
@@ -230,6 +235,21 @@ def _wearing(
         mesh_cache.get(("wearing", *body, *each.geometry[1:]), partial(_worn_by, garment, skeleton))
         for each, garment in zip(keys, garments, strict=True)
     )
+
+
+def _with_room(scene: Scene, body: Mesh, skeleton: Skeleton | None, mesh_cache: MeshCache) -> Mesh:
+    """A body that does not move, its skin yielding where limbs press on it."""
+    if skeleton is None:
+        return body
+
+    def make() -> Mesh:
+        points = stored_yielding(body, skeleton)
+        if points is None:
+            return body
+        most = 1e3 * float(row_lengths(points - body.points).max())
+        return replace(body, points=points, notes=(*body.notes, f"{YIELDS}, by up to {most:.0f} mm"))
+
+    return mesh_cache.get(("yielding", *avatar_recipe(scene)[0].key[1:]), make)
 
 
 def wearer_skeleton(scene: Scene, avatar: Mesh | None, mesh_cache: MeshCache) -> Skeleton | None:

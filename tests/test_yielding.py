@@ -1,0 +1,61 @@
+"""Skin yields where arms that hang close pass through the trunk, and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, Skeleton
+from warp_cloth.anatomy.yielding import REACH, ROOM, yielded
+from warp_cloth.base.mesh import Mesh
+
+
+@pytest.fixture(scope="module")
+def pressed(body: Mesh, skeleton: Skeleton) -> tuple[Mesh, Skeleton]:
+    """The body with its right arm turned into its trunk, about the shoulder."""
+    arm = skeleton.limb == RIGHT_ARM
+    root = skeleton.curves[RIGHT_ARM][skeleton.joints[RIGHT_ARM]]
+    for degrees in np.arange(0.0, 60.0, 0.5):
+        turned = body.points.copy()
+        turned[arm] = root + (turned[arm] - root) @ turn(-degrees * side_of(skeleton)).T
+        found = replace(body, points=turned), replace(skeleton, skin=turned)
+        if yielded(*found) is not None:
+            return found
+    raise AssertionError("the arm never pressed")
+
+
+def side_of(skeleton: Skeleton) -> float:
+    """The sign of x on the right arm's side."""
+    return float(np.sign(skeleton.curves[RIGHT_ARM][-1, 0]))
+
+
+def turn(degrees: float) -> NDArray[np.float64]:
+    """A turn about z."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_nothing_yields_where_limbs_are_apart(body: Mesh, skeleton: Skeleton) -> None:
+    assert yielded(body, skeleton) is None
+
+
+def test_both_sides_give_way_to_each_other(pressed: tuple[Mesh, Skeleton]) -> None:
+    body, skeleton = pressed
+    points = yielded(body, skeleton)
+    assert points is not None
+    moved = np.linalg.norm(points - body.points, axis=1)
+    assert 0.5 * ROOM < moved.max() < REACH
+    assert not moved[skeleton.limb == LEFT_ARM].any()
+    assert moved[skeleton.limb == RIGHT_ARM].any()
+    assert moved[(skeleton.limb != RIGHT_ARM) & (body.points[:, 0] * side_of(skeleton) > 0.0)].any()
+    again = yielded(replace(body, points=points), replace(skeleton, skin=points))
+    assert again is None or np.linalg.norm(again - points, axis=1).max() < 0.3 * ROOM
+
+
+def test_a_body_inside_out_yields_alike(pressed: tuple[Mesh, Skeleton]) -> None:
+    body, skeleton = pressed
+    inside_out = replace(body, triangles=np.ascontiguousarray(body.triangles[:, ::-1]))
+    np.testing.assert_allclose(yielded(inside_out, skeleton), yielded(body, skeleton), atol=1e-6)
