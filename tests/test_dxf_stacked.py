@@ -74,7 +74,52 @@ def test_what_does_not_fit_is_not_sewn(pieces: list[Drafted], tmp_path: Path) ->
     assert not kinds(read_drafted(write(tmp_path / "a.dxf", {"M": pieces})))["tier"]
 
 
+WORDS = ("UPPER", "MIDDLE", "LOWER")
+
+
+def numbered(pieces: list[Drafted]) -> list[Drafted]:
+    """The pieces, their fronts and backs told apart by numbers that do not say which is above."""
+    for number, word in enumerate(WORDS, start=1):
+        pieces = [replace(each, name=each.name.replace(word, f"PART {number}")) for each in pieces]
+    return pieces
+
+
+def test_names_tell_which_of_blocks_as_wide_is_the_lower_one(tmp_path: Path) -> None:
+    pieces = [*blocks(38.0, 20.0), band("HEM BAND", 95.0, 6.0)]
+    true = {**TRUE_SEAMS["tshirt"], "side": 6, "waist": 2, "tier": 2, "hem band": 1, "hem_band ends": 1}
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": pieces}))
+    assert kinds(draft) == true
+    hem = next(joint for joint in draft.joints if joint.reason.startswith("hem band"))
+    assert {draft.parts[side.panel].name for side in hem.other} == {"LOWER FRONT", "LOWER BACK"}
+
+
 def test_no_band_goes_round_one_of_several_fronts(tmp_path: Path) -> None:
     """Of two blocks as wide it is not told which is the lower one; the band was sewn to the uppermost."""
-    path = write(tmp_path / "a.dxf", {"M": [*blocks(38.0, 20.0), band("HEM BAND", 95.0, 6.0)]})
-    assert not kinds(read_drafted(path))["hem band"]
+    pieces = numbered([*blocks(38.0, 20.0), band("HEM BAND", 95.0, 6.0)])
+    found = kinds(read_drafted(write(tmp_path / "a.dxf", {"M": pieces})))
+    assert not found["hem band"]
+    assert not found["tier"]
+
+
+def layered(words: str, height: float) -> list[Drafted]:
+    """The T-shirt without its neckband, and a front and back cut below the arms, named so, this high [cm]."""
+    width = tshirt()[0].edges[0][1][0]
+    path = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)]
+    return [*tshirt()[:3], *(on_fold(f"{face} {words}", *path) for face in ("FRONT", "BACK"))]
+
+
+@pytest.mark.parametrize("words", ["INNER", "UNDERLAYER", "SLIP", "2", "MESH"])
+@pytest.mark.parametrize("height", [46.0, 25.0])
+def test_a_layer_as_wide_as_the_hem_is_no_lower_block(words: str, height: float, tmp_path: Path) -> None:
+    """It was sewn to the hem, of confidence 0.87."""
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": layered(words, height)}))
+    assert not {"waist", "tier"} & {*kinds(draft)}
+    is_named = words not in ("2", "MESH")
+    assert any("a second layer" in note for note in draft.notes) == is_named
+    assert any(part.name == f"FRONT {words}" for part in draft.parts) != is_named
+
+
+def test_inner_fronts_without_outer_ones_are_kept(tmp_path: Path) -> None:
+    pieces = [replace(each, name=f"INNER {each.name}") for each in tshirt()]
+    draft = read_drafted(write(tmp_path / "a.dxf", {"M": pieces}))
+    assert {"INNER FRONT", "INNER BACK"} <= {part.name for part in draft.parts}

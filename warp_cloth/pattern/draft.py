@@ -12,6 +12,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.pattern.briefs import brief_of
 from warp_cloth.pattern.by_shape import are_mirrored, is_leg_and_no_bodice, told_by_shape
 from warp_cloth.pattern.chain import Chain
+from warp_cloth.pattern.cloth_layers import with_outer_layers
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.drawn_darts import turned
 from warp_cloth.pattern.kinds import (
@@ -98,7 +99,7 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
             raise InputError(f"{file}: piece", f'there is no piece "{short(name)}"', f"the pieces are {listed}")
     parts: list[Part] = []
     left_out = [piece for piece in pieces if stated.get(piece.name, Stated()).place == "none"]
-    told, notes = _identified([piece for piece in pieces if piece not in left_out])
+    told, notes = _identified(with_outer_layers([piece for piece in pieces if piece not in left_out], stated.keys()))
     told = with_stacked(told, stated.keys())
     told, tiered = with_faces_of_tiers(told, {name for name, said in stated.items() if said.copies or said.place})
     notes += tiered
@@ -124,7 +125,9 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
             notes.append(f"{place} is half a {kind}, cut once, with no fold line: mirrored at its straight centre")
         if part.kind == "none":
             why = "by its name or material it is no part of the outer cloth"
-            why = "as stated" if said.place == "none" else "it faces another piece" if piece.what.is_facing else why
+            why = "it faces another piece" if piece.what.is_facing else why
+            why = "by its name it is a second layer of another piece" if piece.what.is_layer else why
+            why = "as stated" if said.place == "none" else why
             notes.append(f"{place} is left out: {why}")
             continue
         if part.kind in ("gore", "godet"):

@@ -140,6 +140,7 @@ class Named:
     face: str = ""  # "front" or "back", of a piece of another kind: a yoke's
     sure: float = 0.97  # of the kind
     is_facing: bool = False  # by its shape it faces another piece, and is left out
+    is_layer: bool = False  # it lies over or under another piece, and is left out
     is_ruffle: bool = False
     is_tier: bool = False  # of a skirt
     level: int | None = None  # from above, of a skirt's pieces that lie one below another, drawn upright
@@ -166,10 +167,14 @@ def named(name: str) -> Named:
     return what
 
 
+def spaced(name: str) -> str:
+    """A name as plain words, without numbers and signs; of a style "B2204" the B is no back."""
+    text = re.sub(r"\d{3,}", "0", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name))
+    return plain(re.sub(r"[_\-.,/()1-9#]+|(?<!\w)0", " ", text))
+
+
 def _named(name: str) -> Named:
-    text = re.sub(r"\d{3,}", "0", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name))  # of a style "B2204" the B is no back
-    text = plain(re.sub(r"[_\-.,/()1-9#]+|(?<!\w)0", " ", text))
-    text = re.sub(BESIDE, " ", text)
+    text = re.sub(BESIDE, " ", spaced(name))
     found = [kind for kind, words in WORDS if re.search(words, text)]
     side = next((side for side, words in SIDES if re.search(words, text)), BOTH)
     kind = found[0] if found else ""

@@ -1,21 +1,26 @@
 """Fronts and backs cut across: a colour block below the chest, a midriff, a yoke of a skirt, one below another.
 
 Each piece below the first has neither neck nor armholes, and is as wide above as what it is sewn to is below: so its
-place is told, where it is as long at its sides in front and behind. It is taken for a skirt's, and what is below it for
-a tier.
+place is told, where it is as long at its sides in front and behind, and no layer of what it would be sewn to: that has
+its width, too, and only names tell it from a piece below. It is taken for a skirt's, and what is below it for a tier.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence, Set
 from dataclasses import replace
 from itertools import pairwise, permutations
 
 import numpy as np
 
+from warp_cloth.pattern.cloth_layers import is_layer_by_name
+from warp_cloth.pattern.kinds import spaced
+from warp_cloth.pattern.part_roles import roles_of
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.roles import Shape, ends_of, upright
 from warp_cloth.pattern.tops import tube_roles
+from warp_cloth.pattern.vocabulary import ABOVE, BELOW, BETWEEN
 
 PLAIN = (0.97, 1.03)  # waist over hem above, of what is cut across
 GATHERED = 3.1  # the same at most, below a yoke
@@ -75,10 +80,9 @@ def _from_above(own: Sequence[Piece]) -> list[Piece]:
         return []
     found = []
     for order in permutations(tubes):
-        below = [piece.what.kind for piece in order]
-        if "yoke" in below[1:] or (tops and "yoke" in below):
+        if "yoke" in [piece.what.kind for piece in order][1 if not tops else 0 :]:
             continue
-        ranks = [kind.startswith("skirt") for kind in below]
+        ranks = [(_height(piece), piece.what.kind.startswith("skirt")) for piece in order]
         if ranks != sorted(ranks):
             continue
         every = [*tops, *order]
@@ -87,7 +91,44 @@ def _from_above(own: Sequence[Piece]) -> list[Piece]:
         if all(PLAIN[0] <= ratio <= limit for ratio, limit in zip(ratios, most, strict=True)):
             found.append((sum(abs(ratio - 1.0) for ratio in ratios), every))
     found.sort(key=lambda each: each[0])
-    return found[0][1] if found and (len(found) < 2 or found[1][0] > found[0][0] + APART) else []
+    is_sure = bool(found) and (len(found) < 2 or found[1][0] > found[0][0] + APART)
+    best = found[0][1] if is_sure else []
+    return [] if any(_may_be_layers(*pair) for pair in pairwise(best)) else best
+
+
+def _height(piece: Piece) -> int:
+    """Where a piece is by its name: 0 above others, 2 below; 1: between them, or not said."""
+    name = spaced(piece.name)
+    if re.search(BETWEEN, name):
+        return 1
+    return 0 if piece.what.kind == "yoke" or re.search(ABOVE, name) else 2 if re.search(BELOW, name) else 1
+
+
+def _may_be_layers(high: Piece, low: Piece) -> bool:
+    """Whether two pieces may lie on each other as well, by their names and shapes."""
+    if is_layer_by_name(high.name) or is_layer_by_name(low.name):
+        return True
+    is_top = tube_roles(high, UPWARDS) is None
+    is_told = _height(high) < _height(low) or any(re.search(BETWEEN, spaced(piece.name)) for piece in (high, low))
+    if is_told or (is_top and low.what.kind.startswith("skirt")):
+        return False
+    above, longest = _below_arms(high) if is_top else (_width(high, "waist"), np.inf)
+    widths = np.array([above, _width(low, "hem")]) / max(_width(high, "hem"), 1e-9)
+    return bool(((widths > PLAIN[0]) & (widths < PLAIN[1])).all()) and _side(low) <= (1.0 + SIDES_ALIKE) * longest
+
+
+def _below_arms(top: Piece) -> tuple[float, float]:
+    """How wide a bodice is where its sides end, and how long these are [m]."""
+    shape = Shape(top.edges, upright(top.edges, "front"))
+    roles = roles_of("front", shape, True, False, False)
+    sides = [roles.get(f"side{mark}", ()) for mark in "+-"]
+    if not all(sides):
+        return _width(top, "hem"), np.inf
+    left, right = (
+        max((each for k in run for each in (shape.turned[k].start, shape.turned[k].end)), key=lambda point: point[1])
+        for run in sides
+    )
+    return float(np.hypot(*(left - right))), shape.length(sides[0])
 
 
 def _is_above_gathers(high: Piece, low: Piece) -> bool:

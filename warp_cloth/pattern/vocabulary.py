@@ -12,7 +12,7 @@ WORDS = (
     (
         "none",
         r"facing|(?<!neck )(?<!neckline )\bbinding|\bbias\b|paspel|schragband|\blini\b|\blng\b"
-        r"|interlin|interfac|fusing|fusible|\bfuse\b|lining|label|pocket|flap|welt|belt\b|loop|plac?ket|\bplkt\b"
+        r"|interlin|interfac|fusing|fusible|\bfuse\b|lining|label|pocket|\bpouch|flap|welt|belt\b|loop|plac?ket|\bplkt\b"
         r"|placard|\bfly\b|\btasche|tasche\b|taschen|beleg|besatz|besaetze|futter|einlage|etikett|schlaufe|\bpatten?\b"
         r"|leiste|schlitz|\bzak\b|zakken|voering|\bpoche|parement|doublure|enforme|entoilage|rabat|passant"
         r"|biais|\bpattes?\b|bolsi?l?lo|\bbolso|\bvista\b|\bcarteras?\b|\bpasador(es)?\b|forro|entretela|tapeta|trabilla|bragueta|carcela"
@@ -151,6 +151,22 @@ STAND = (
 UNDER = (
     r"under|\bbottom\b|\blower\b|unter|\bonder|dessous|de abajo|menor|\bsotto|inferior|spodni|нижн|\balt\b|\bala ?osa"
     r"|\balis|\bxiao ?xiu|小袖|内袖|內袖|下袖|안"
+)
+# Which of several fronts, backs or skirts is above the others, between them, or below them
+ABOVE = (
+    r"upper|\btop\b|\bober|\boben\b|\bhaut\b|superior|\bboven|\bsopra\b|\bgor(a|n[aey])\b|\bhorni\b|верх|\bust\b|\bovre\b"
+    r"|上|위"
+)
+BETWEEN = r"\bmid(dle)?\b|midriff|中间|中間|중간"
+BELOW = (
+    r"lower|bottom|\bbtm\b|\bunte(n|r(es|er|teil)?)\b|\bbas\b|inferior|\bonder|\bsotto\b|\bdol(n[aey])?\b|\bspodni|\bniz|низ|нижн"
+    r"|\balt\b|\bnedre\b|peplum|\bhem\b|下|아래"
+)
+# A layer over or under another piece of its name
+LAYER_WORDS = (
+    r"\binner\b|\binnen|\binterieure?\b|\binterior|\bintern[oae]\b|\bbinnen|внутр|内层|內層|里层|裡層|内裙|衬裙|안쪽"
+    r"|\b(under|over) ?(lay(er)?|skirt|dress)s?\b|\blayer\b|petticoat|\bslip\b"
+    r"|\bunterrock|\bunterlage|\bjupon|\benagua|\bsous jupe|\bsottogonna|\banagua"
 )
 LEFT_WORDS = (
     r"\bleft|\blh\b|\bl(?=(slv?|leg|cuff|sleeve|fro?nt|back|bk|frt)\b)|\bl\b|\blinke?[rs]?\b|\bgauche|izquierd|\bizq\b|esquerd|sinistr|\bsx\b"
