@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from refusals import refusal
 from test_pattern import BACK, FRONT, panel, square, stitch_of, topology
@@ -203,6 +204,41 @@ def test_units_and_placement_that_are_not_stated_are_told(tmp_path: Path) -> Non
     notes = loaded(tree, tmp_path).notes
     assert notes[0] == "units_in_meter not stated: centimetres assumed, as GarmentCode's"
     assert notes[1] == 'panel "back" has no translation and starts at the origin'
+
+
+@pytest.mark.parametrize(("unit", "per_cm"), [("millimetres", 10.0), ("metres", 0.01)])
+@pytest.mark.parametrize("properties", [None, {"units_in_meter": None}])
+def test_a_unit_that_is_not_stated_is_found_by_the_size(
+    unit: str, per_cm: float, properties: object, tmp_path: Path
+) -> None:
+    """Millimetres were meshed ten times too large; metres refused, as panels of 5 mm."""
+    stated, tree = loaded(tube(), tmp_path), tube()
+    for drawn in tree["pattern"]["panels"].values():
+        for key in ("vertices", "translation"):
+            drawn[key] = (per_cm * np.array(drawn[key])).tolist()
+    tree["properties"] = properties
+    found = loaded(tree, tmp_path)
+    np.testing.assert_allclose(found.points, stated.points, atol=1e-9)
+    assert found.notes[0] == f"units_in_meter not stated: {unit} assumed, as its panels are then some 0.30 m long"
+
+
+@pytest.mark.parametrize("empty", [None, {}, {"vertices": [], "edges": [], "translation": [0, 0, 0]}])
+def test_an_empty_panel_is_left_out_and_told(empty: object, tmp_path: Path) -> None:
+    tree = tube()
+    tree["pattern"]["panels"]["ghost"] = empty
+    assert loaded(tree, tmp_path).notes == ('panel "ghost" is empty: left out',)
+
+
+def test_an_edge_from_a_vertex_to_itself_is_dropped_and_told(tmp_path: Path) -> None:
+    tree = tube()
+    tree["pattern"]["panels"]["front"]["edges"].append({"endpoints": [0, 0]})
+    assert loaded(tree, tmp_path).notes == ('panel "front", edge 4 starts and ends at one vertex: dropped',)
+
+
+def test_one_specification_in_a_list_is_read_and_several_are_refused(tmp_path: Path) -> None:
+    assert loaded([tube()], tmp_path).notes == ("is a list of one specification: that one is read",)
+    with pytest.raises(InputError, match="is a list of 2 tables, not one specification; write a file for each"):
+        loaded([tube(), tube()], tmp_path)
 
 
 def test_a_pattern_given_as_a_scene_says_what_to_write(tmp_path: Path) -> None:

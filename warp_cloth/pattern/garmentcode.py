@@ -34,6 +34,7 @@ from warp_cloth.pattern.specification import (
     euler_xyz,
     short,
 )
+from warp_cloth.pattern.specification_unit import unit_by_size
 from warp_cloth.pattern.stitch_reading import HolePlace, Legs, StitchReader, labels_of
 
 EXPORT_AGAIN = "export the specification again"
@@ -96,19 +97,15 @@ class _Reader:
         raise InputError(f"{self.file}: {place}" if place else self.file, problem, remedy)
 
     def pattern(self, values: Any) -> Pattern:
+        values = self._alone(values)
         pattern = values.get("pattern", values) if isinstance(values, Mapping) else None
         if not isinstance(pattern, Mapping) or (pattern is values and "panels" not in pattern):
             self.refuse("", 'is not a GarmentCode specification: it has no "pattern"', "name a *_specification.json")
         properties = values.get("properties", {})
         properties = properties if isinstance(properties, Mapping) else {}
-        metres = self._unit(properties)
         relative = self._relative(properties)
-        drawn = self._by_name(pattern.get("panels"))
-        if not isinstance(drawn, Mapping) or not drawn:
-            self.refuse("pattern.panels", "there are no panels")
-        if len(drawn) > MOST_PANELS:
-            problem = f"{len(drawn):,} panels are more than the {MOST_PANELS:,} that a garment may have"
-            self.refuse("pattern.panels", problem, "split the garment")
+        drawn = self._drawn(self._by_name(pattern.get("panels")))
+        metres = self._unit(properties, drawn)
         panels, edge_places, labels = [], [], []
         for name, panel in drawn.items():
             made, places = self._panel(name, panel, metres, relative)
@@ -119,6 +116,30 @@ class _Reader:
         stitches = reader.stitches(pattern.get("stitches"))
         read = Pattern(self.file, tuple(self._with_darts(panels, reader.legs)), stitches, tuple(self.notes))
         return without_short_edges(read)
+
+    def _alone(self, values: Any) -> Any:
+        """The values, or the one specification that they list."""
+        if not isinstance(values, list) or not any(isinstance(each, Mapping) for each in values):
+            return values
+        if len(values) > 1:
+            self.refuse("", f"is a list of {len(values):,} tables, not one specification", "write a file for each")
+        self.notes.append("is a list of one specification: that one is read")
+        return values[0]
+
+    def _drawn(self, panels: Any) -> Mapping[str, Any]:
+        """The panels by name, without those of which nothing is drawn."""
+        drawn = dict(panels) if isinstance(panels, Mapping) else {}
+        if len(drawn) > MOST_PANELS:
+            problem = f"{len(drawn):,} panels are more than the {MOST_PANELS:,} that a garment may have"
+            self.refuse("pattern.panels", problem, "split the garment")
+        for name, panel in [*drawn.items()]:
+            states = panel if isinstance(panel, Mapping) else {"edges": panel is not None}
+            if not any(states.get(key) for key in ("vertices", "edges")):
+                self.notes.append(f'panel "{short(name)}" is empty: left out')
+                del drawn[name]
+        if not drawn:
+            self.refuse("pattern.panels", "there are no panels")
+        return drawn
 
     def _with_darts(self, panels: Sequence[Panel], legs: Sequence[Legs]) -> list[Panel]:
         """The panels, their holes darts where stitches fold them about two of their corners."""
@@ -141,11 +162,14 @@ class _Reader:
                 self.notes.append(f'panel "{short(panel.name)}": {len(holes)} of its loops are holes in it')
         return [replace(panel, holes=tuple(holes)) for panel, holes in zip(out, left, strict=True)]
 
-    def _unit(self, properties: Mapping[str, Any]) -> float:
+    def _unit(self, properties: Mapping[str, Any], drawn: Mapping[str, Any]) -> float:
         """Metres in a unit of the file."""
-        if "units_in_meter" not in properties:
-            self.notes.append("units_in_meter not stated: centimetres assumed, as GarmentCode's")
-            return 0.01
+        if properties.get("units_in_meter") is None:
+            tables = ((f'panel "{short(name)}"', panel) for name, panel in drawn.items() if isinstance(panel, Mapping))
+            corners = [self._corners(panel.get("vertices"), f"{place}: vertices") for place, panel in tables]
+            metres, note = unit_by_size(corners)
+            self.notes.append(note)
+            return metres
         per_metre = self._number(properties["units_in_meter"], "properties.units_in_meter")
         if not UNITS[0] <= per_metre <= UNITS[1]:
             self.refuse("properties.units_in_meter", f"{per_metre:g} is not a unit of length", "100 means centimetres")
@@ -228,7 +252,11 @@ class _Reader:
 
     def _loops(self, ends: Ends, corners: Floats, place: str) -> list[list[tuple[int, bool]]]:
         """The loops of a panel, the outline first: the number of each edge, and whether it runs against the loop."""
-        loops, mended = loops_of(ends, corners)
+        numbers = [number for number, (start, end) in enumerate(ends) if start != end]
+        for number in sorted({*range(len(ends))} - {*numbers}):
+            self.notes.append(f"{place}, edge {number} starts and ends at one vertex: dropped")
+        found, mended = loops_of([ends[number] for number in numbers], corners)
+        loops = [[(numbers[k], turned) for k, turned in loop] for loop in found]
         if not loops:
             self._refuse_loop(ends, place)
         if mended:
