@@ -9,7 +9,7 @@ from warp_cloth.pattern.kinds import BOTH, HALF_SLEEVES, LEFT, RIGHT
 from warp_cloth.pattern.leg_yokes import leg_run
 from warp_cloth.pattern.neckline import neck_from_back, opens_in_front
 from warp_cloth.pattern.runs import face_run, faces_of, parts_of_kind, run_of
-from warp_cloth.pattern.sleeves import half_sleeves, sleeve_side, under_sleeve_of
+from warp_cloth.pattern.sleeves import end_of_sleeve, half_sleeves, sleeve_side, under_sleeve_of
 from warp_cloth.pattern.specification import Side
 
 UNSHAPED = 0.85  # waist over hem, of a skirt that is shaped by its gathers alone
@@ -27,6 +27,7 @@ def ring_of(parts: Sequence[Part], band: int) -> tuple[Side, ...]:
         for sleeve in parts_of_kind(parts, "sleeve"):
             if sleeve_side(parts, sleeve) == side:
                 under = under_sleeve_of(parts, sleeve)
+                sleeve = end_of_sleeve(parts, sleeve, side)
                 both = (sleeve,) if under is None else (sleeve, under[0])
                 return tuple(each for one in both for each in run_of(one, parts[one].roles.get("hem", ()), True))
         faces = HALF_SLEEVES[::-1] if side == LEFT else HALF_SLEEVES

@@ -27,6 +27,7 @@ from warp_cloth.pattern.kinds import (
     named,
     without_side,
 )
+from warp_cloth.pattern.lower_sleeves import with_lower_sleeves
 from warp_cloth.pattern.middles import with_middles
 from warp_cloth.pattern.one_shoulder import is_no_half, one_shoulder_roles
 from warp_cloth.pattern.panel_roles import half_skirt_roles, is_cut_across, parted_at_underarm
@@ -103,7 +104,8 @@ def parts_of(file: str, pieces: Sequence[Piece], stated: Mapping[str, Stated]) -
     told = with_stacked(told, stated.keys())
     told, tiered = with_faces_of_tiers(told, {name for name, said in stated.items() if said.copies or said.place})
     notes += tiered
-    told, closed = without_pocket_openings(_with_half_sleeves(told))
+    told = _with_half_sleeves(with_lower_sleeves(told, stated.keys()))
+    told, closed = without_pocket_openings(told)
     notes += closed
     pieces = [*told, *left_out]
     panelled = _panelled(pieces, stated)

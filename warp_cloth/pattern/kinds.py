@@ -110,6 +110,7 @@ HALF_SLEEVES = ("front_sleeve", "back_sleeve")  # of one parted along the arm, a
 PAIRED = (
     "sleeve",
     "under_sleeve",
+    "lower_sleeve",
     *HALF_SLEEVES,
     "leg",
     "leg_front",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from warp_cloth.pattern.bodices import arm_side, bodice_roles
 from warp_cloth.pattern.kinds import BOTH, COLLARS, HALF_SLEEVES, LEFT, RIGHT, SKIRTS, STRIPS, YOKES
 from warp_cloth.pattern.leg_openings import with_leg_openings
+from warp_cloth.pattern.lower_sleeves import LOWER_SLEEVE
 from warp_cloth.pattern.panel_roles import (
     godet_roles,
     half_sleeve_roles,
@@ -55,7 +56,7 @@ def roles_of(kind: str, shape: Shape, whole: bool, has_side_panels: bool, has_yo
         return leg_roles(shape)
     if kind == "leg":
         return pants_roles(shape)
-    if kind in ("sleeve", "under_sleeve"):
+    if kind in ("sleeve", "under_sleeve", LOWER_SLEEVE):
         return sleeve_roles(shape)
     if kind in HALF_SLEEVES:
         return half_sleeve_roles(shape)

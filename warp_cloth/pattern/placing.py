@@ -15,9 +15,10 @@ from warp_cloth.pattern.figure import UP, Figure
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, LEFT, STRIPS, YOKE_OF
 from warp_cloth.pattern.levels import LEVELS, WHOLE_TURN, armpit_of, repeated, spans
+from warp_cloth.pattern.lower_sleeves import LOWER_SLEEVE
 from warp_cloth.pattern.placing_bands import band
 from warp_cloth.pattern.placing_gores import cone, gore
-from warp_cloth.pattern.placing_sleeves import half_sleeve, sleeve, under_sleeve
+from warp_cloth.pattern.placing_sleeves import half_sleeve, lower_sleeve, sleeve, under_sleeve
 from warp_cloth.pattern.placing_straps import below_straps, strap
 from warp_cloth.pattern.runs import faces_of, role_of
 from warp_cloth.pattern.specification import Side
@@ -83,6 +84,7 @@ def _by_kind(parts: Sequence[Part], index: int, figure: Figure) -> Laid | None:
         "leg": lambda: _whole_leg(part, figure),
         "sleeve": lambda: sleeve(parts, index, figure),
         "under_sleeve": lambda: under_sleeve(parts, index, figure),
+        LOWER_SLEEVE: lambda: lower_sleeve(parts, index, figure),
         "front_sleeve": lambda: half_sleeve(parts, index, figure),
         "back_sleeve": lambda: half_sleeve(parts, index, figure),
         "hood": lambda: _hood(part, figure),

@@ -20,9 +20,9 @@ from warp_cloth.pattern.placing_sleeves import (
     SLEEVES,
     along_limb,
     around_arm,
+    length_to_hem,
     shortened,
     top_of_arm,
-    underarm,
 )
 from warp_cloth.pattern.specification import Side
 from warp_cloth.pattern.wrap import Laid, Wrap
@@ -204,7 +204,7 @@ def _cuff(
     width = float(levels[1] - levels[0])
     share = shortened(parts, figure) if sleeves else 1.0
     reach = float(arc_lengths(curve)[-1]) - BESIDE_FOOT - width
-    long = share * max(underarm(each) - float(each.shape.box[0][1]) for each in sleeves) if sleeves else reach
+    long = share * length_to_hem(parts) if sleeves else reach
     long = 0.0 if at_armhole else long
     origin, toward = along_limb(curve, np.array([long + share * width, long]) + FROM_ARMPIT)
     if at is not None:  # such sleeves lie straight out from the body

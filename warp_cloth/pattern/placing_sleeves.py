@@ -12,6 +12,7 @@ from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.figure import UP, Figure
 from warp_cloth.pattern.kinds import BOTH, HALF_SLEEVES, LEFT
 from warp_cloth.pattern.levels import WHOLE_TURN, spans
+from warp_cloth.pattern.lower_sleeves import LOWER_SLEEVE
 from warp_cloth.pattern.sleeves import sleeve_side, under_sleeve_of
 from warp_cloth.pattern.wrap import Wrap
 
@@ -48,14 +49,22 @@ def half_sleeve(parts: Sequence[Part], index: int, figure: Figure) -> Wrap | Non
     return _round_arm(parts, index, figure, part.side, 0.5, face)
 
 
+def lower_sleeve(parts: Sequence[Part], index: int, figure: Figure) -> Wrap:
+    """Round the arm below the upper piece."""
+    side = sleeve_side(parts, index)
+    return _round_arm(parts, index, figure, side, 1.0, top_of_arm(figure, side), _longest(parts, SLEEVES))
+
+
 def _share(upper: Part, under: Part) -> float:
     """How much of the arm an upper sleeve covers."""
     widths = [part.shape.width(0.5) for part in (upper, under)]
     return float(np.clip(widths[0] / max(sum(widths), 1e-6), 0.2, 0.8))
 
 
-def _round_arm(parts: Sequence[Part], index: int, figure: Figure, side: int, share: float, face: Floats) -> Wrap:
-    """Round a share of the arm, its middle on the side that ``face`` points to."""
+def _round_arm(
+    parts: Sequence[Part], index: int, figure: Figure, side: int, share: float, face: Floats, above: float = 0.0
+) -> Wrap:
+    """Round a share of the arm, its middle on the side that ``face`` points to; ``above``: length of what is above."""
     part = parts[index]
     under = underarm(part)
     levels, least, most = spans(part, under)
@@ -63,8 +72,8 @@ def _round_arm(parts: Sequence[Part], index: int, figure: Figure, side: int, sha
     at_armpit = max(int(below.sum()) - 1, 0)
     width = np.where(below, most - least, (most - least)[at_armpit])
     centre = np.where(below, 0.5 * (least + most), 0.5 * (least + most)[at_armpit])
-    distance = (under - levels) * np.where(levels < under, shortened(parts, figure), 1.0)
-    farther = max(OUTSIDE - (under - float(levels[0])), 0.0)
+    distance = (above + under - levels) * np.where(levels < above + under, shortened(parts, figure), 1.0)
+    farther = max(OUTSIDE - (above or under - float(levels[0])), 0.0)
     origin, toward = along_limb(figure.arms[1 if side == LEFT else 0], distance + FROM_ARMPIT + farther)
     across, outward = around_arm(toward, face)
     bend = share * WHOLE_TURN / np.maximum(width, 0.04)
@@ -79,11 +88,20 @@ def underarm(part: Part) -> float:
 
 def shortened(parts: Sequence[Part], figure: Figure) -> float:
     """How much shorter sleeves and cuffs start than they are, so that they end above the hand."""
-    long = max((underarm(each) - float(each.shape.box[0][1]) for each in parts if each.kind in SLEEVES), default=0.0)
+    long = length_to_hem(parts)
     cuff = max(
         (float(min(each.shape.box[1] - each.shape.box[0])) for each in parts if each.kind == "cuff"), default=0.0
     )
     return min(1.0, (figure.to_wrist - FROM_ARMPIT) / max(long + cuff, 1e-3))
+
+
+def length_to_hem(parts: Sequence[Part]) -> float:
+    """How long sleeves are below the arm [m], with their lower pieces."""
+    return _longest(parts, SLEEVES) + _longest(parts, (LOWER_SLEEVE,))
+
+
+def _longest(parts: Sequence[Part], kinds: Sequence[str]) -> float:
+    return max((underarm(each) - float(each.shape.box[0][1]) for each in parts if each.kind in kinds), default=0.0)
 
 
 def top_of_arm(figure: Figure, side: int) -> Floats:

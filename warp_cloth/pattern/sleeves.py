@@ -10,12 +10,14 @@ import numpy as np
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, HALF_SLEEVES, LEFT, RIGHT
+from warp_cloth.pattern.lower_sleeves import AS_WIDE, LOWER_SLEEVE
 from warp_cloth.pattern.runs import face_run, faces_of, joint_of, length_of, parts_of_kind, run_of
 from warp_cloth.pattern.specification import Side
 
 CAP_EASE, RAGLAN_EASE = (-0.01, 0.12), (-0.03, 0.05)
 # Of puff sleeves, gathered at the cap, and how sure that is; from where it is surer than a set-in sleeve too long
 GATHERED_CAP_EASE, GATHERED_SURE, GATHERED_FROM = (0.2, 1.0), 0.9, 0.17
+LOWER_EASE = (-AS_WIDE, AS_WIDE)
 SURELY_APART = 0.02  # relative: by which one under sleeve fits better than the next
 DOUBTFUL = 0.7  # factor on the confidence where it does not
 HOLLOW = 5e-3  # [m] by which the front seam of an upper sleeve bows farther in than the back one
@@ -41,6 +43,7 @@ def proposed_sleeves(parts: Sequence[Part]) -> Iterable[Joint]:
         else:
             seams = part.roles.get("under+", ()), part.roles.get("under-", ())
             yield from joint_of(parts, run_of(sleeve, seams[0]), run_of(sleeve, seams[1], True), "underarm")
+        yield from _lower(parts, sleeve, side)
         for front_run, back_run in holes[side]:
             # the cap runs from +x to -x; its front is at -x on the wearer's left, as seen from outside
             others = (*back_run, *front_run) if side == LEFT else (*front_run, *back_run)
@@ -53,6 +56,23 @@ def proposed_sleeves(parts: Sequence[Part]) -> Iterable[Joint]:
             yield from _set_in(parts, cap, others, side)
     for side in (LEFT, RIGHT):
         yield from _halves(parts, side, holes[side])
+
+
+def _lower(parts: Sequence[Part], sleeve: int, side: int) -> Iterable[Joint]:
+    """The seams of a sleeve's lower piece: beneath the arm, and to the hem of the upper one."""
+    lower = end_of_sleeve(parts, sleeve, side)
+    if lower == sleeve:
+        return
+    own, hem = parts[lower].roles, parts[sleeve].roles.get("hem", ())
+    seams = own.get("under+", ()), own.get("under-", ())
+    yield from joint_of(parts, run_of(lower, seams[0]), run_of(lower, seams[1], True), "underarm")
+    yield from joint_of(parts, run_of(lower, own.get("cap", ())), run_of(sleeve, hem, True), "lower sleeve", LOWER_EASE)
+
+
+def end_of_sleeve(parts: Sequence[Part], sleeve: int, side: int) -> int:
+    """The lower piece of a sleeve that is cut across; or the sleeve."""
+    lowers = [each for each in parts_of_kind(parts, LOWER_SLEEVE) if sleeve_side(parts, each) == side]
+    return lowers[0] if len(lowers) == 1 else sleeve
 
 
 def _set_in(parts: Sequence[Part], cap: tuple[Side, ...], hole: tuple[Side, ...], side: int) -> Iterable[Joint]:
