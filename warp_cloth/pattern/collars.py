@@ -13,6 +13,7 @@ from itertools import combinations, product
 
 import numpy as np
 
+from warp_cloth.pattern.collar_halves import are_halves, with_whole_collars
 from warp_cloth.pattern.draft import Part
 from warp_cloth.pattern.joints import Joint
 from warp_cloth.pattern.kinds import BOTH, COLLARS, LEFT, RIGHT, is_named_stand
@@ -50,7 +51,9 @@ def with_collars(parts: Sequence[Part]) -> tuple[tuple[Part, ...], list[str]]:
 
     A collar's role "neck" is sewn to the neckline, or of a fall to the role "top" of the stand.
     """
-    parts, notes = _single_layers(tuple(parts))
+    parts, halves = with_whole_collars(parts)
+    parts, notes = _single_layers(parts)
+    notes = [*halves, *notes]
     collars = parts_of_kind(parts, *COLLARS)
     if len(collars) == 1:
         parts = with_neck_to_hem(parts, [parts[collars[0]].shape.length(run) for run in _runs(parts[collars[0]])])
@@ -99,7 +102,7 @@ def _single_layers(parts: tuple[Part, ...]) -> tuple[tuple[Part, ...], list[str]
     notes = []
     collars = [index for index in parts_of_kind(parts, *COLLARS) if "long" in parts[index].roles]
     for one, other in combinations(collars, 2):
-        if one in gone or other in gone or not neck:
+        if one in gone or other in gone or not neck or are_halves(parts, one, other):
             continue
         sizes = [_size(parts[index]) for index in (one, other)]
         alike = bool((np.abs(sizes[0] - sizes[1]) <= LAYERS * np.maximum(*sizes)).all())

@@ -51,7 +51,13 @@ def _opened(parts: Sequence[Part], band: int) -> Part | None:
     is_of_trousers = all(parts[side.panel].kind.startswith("leg") for side in ring)
     if not is_of_trousers and (long > LEAST_WAIST or are_unshaped_skirts(parts, ring)):  # gathered to half, as likely
         return None
-    made = mirrored_at(part.edges, part.roles["end"])
+    whole = made_whole(part, part.roles["end"])
+    return None if whole is None else replace(whole, sure=SURE * part.sure)
+
+
+def made_whole(part: Part, run: Sequence[int]) -> Part | None:
+    """Half a band or collar and its mirror image at a run of its edges, as one; None: that is no straight fold."""
+    made = mirrored_at(part.edges, run)
     if made is None:
         return None
     edges, mirror, matrix, shift = made
@@ -62,7 +68,6 @@ def _opened(parts: Sequence[Part], band: int) -> Part | None:
         mirror=mirror,
         notches=np.concatenate([part.notches, part.notches @ matrix.T + shift]),
         lines=(*part.lines, *(line @ matrix.T + shift for line in part.lines)),
-        sure=SURE * part.sure,
         twin=None,
     )
     return replace(whole, roles=roles_of(part.kind, whole.shape, True, False, False))
