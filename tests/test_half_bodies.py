@@ -53,19 +53,32 @@ def values(person: Person) -> dict[str, float | None]:
     return {each.name: each.value for each in person.measures}
 
 
+def on_stand(form: tuple[Points, Indices], gap: float) -> Mesh:
+    """A form on a pole that ends so far below it [m]."""
+    bottom, depth = float(form[0][:, 1].min()), float(form[0][:, 2].mean())
+    pole = box((-0.015, 0.02, depth - 0.015), (0.015, bottom - gap, depth + 0.015))
+    return joined(form, pole, box((-0.2, 0.0, depth - 0.2), (0.2, 0.03, depth + 0.2)))
+
+
 @pytest.mark.parametrize("gap", [0.02, -0.05])
 def test_a_dress_form_is_understood_without_its_stand(person: Person, gap: float) -> None:
-    points, triangles = cut(person, HIPS, NECK)
-    bottom, depth = float(points[:, 1].min()), float(points[:, 2].mean())
-    pole = box((-0.015, 0.02, depth - 0.015), (0.015, bottom - gap, depth + 0.015))
-    base = box((-0.2, 0.0, depth - 0.2), (0.2, 0.03, depth + 0.2))
-    found = understand(joined((points, triangles), pole, base))
+    form = cut(person, HIPS, NECK)
+    found = understand(on_stand(form, gap))
     assert found.skeleton is not None, found.reason
     assert found.skeleton.lacks == (HEAD, *ARMS, *LEGS)  # a foot of the stand is none of the body
-    assert float(found.body.points[found.skeleton.own, 1].min()) >= bottom
+    assert float(found.body.points[found.skeleton.own, 1].min()) >= float(form[0][:, 1].min())
     whole, own = values(person), values(found)
     for name in ("chest", "waist", "hip", "neck"):
         assert own[name] == pytest.approx(whole[name], abs=NEAR), name
+
+
+def test_a_dress_form_on_a_stand_may_face_another_way(person: Person) -> None:
+    """Its sections are those of who faces +z, turned."""
+    body = on_stand(cut(person, HIPS, NECK), 0.02)
+    found = skeleton_of(Mesh("turned", body.points[:, [2, 1, 0]] * [1.0, 1.0, -1.0], body.triangles))
+    assert found is not None
+    assert found.lacks == (HEAD, *ARMS, *LEGS)
+    assert found.forward[0] > 0.9
 
 
 def test_hips_with_legs_are_understood_and_have_no_waist_where_they_end(person: Person) -> None:

@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from warp_cloth.anatomy.geodesics import Floats
 from warp_cloth.base.lids import cones, with_tips
 from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.base.section import Sections
+from warp_cloth.base.topology import used_ids
 
 Surface = tuple[Points, Indices]
 Box = tuple[float, float, float, float]  # extents of a section from right to left, and from back to front [m]
@@ -55,6 +56,12 @@ BARREL, BARREL_LEVELS, BARREL_DEPTH = (0.36, 0.38, 0.3, 0.36, 0.4, 0.17), (0.05,
 LEG, LEGS_LEFT, HIPS_LEFT = 0.25, 0.5, 0.15
 POLE = 0.25  # of the largest width above it, that of a pole at most
 POLE_LENGTH = 0.04  # of the extent, at least
+
+# To the left, up and forward: of who is upright along y and faces +z, and of who is upright along z and faces -y; and
+# from those to the same of who faces what was left.
+FACING_Z = np.eye(3)
+FACING_BACK = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+QUARTER = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +119,7 @@ class Completed:
 
     points: Points  # [m], shape [N, 3], the body's own the first
     triangles: Indices  # shape [F, 3]
-    own: Indices  # the body's vertices that it has, without those of a stand, shape [M]
+    own: NDArray[np.int64]  # the body's vertices that it has, without those of a stand, shape [M]
 
 
 def completed(points: Points, triangles: Indices) -> Iterator[Completed]:
@@ -120,7 +127,7 @@ def completed(points: Points, triangles: Indices) -> Iterator[Completed]:
 
     ``points`` [m], shape [V, 3]; ``triangles`` of a closed surface, shape [F, 3].
     """
-    mirrored, own = list(_mirrored(points, triangles)), np.unique(triangles)
+    mirrored, own = list(_mirrored(points, triangles)), used_ids(triangles, len(points))
     yield from (Completed(*surface, own) for surface in mirrored)
     for surface in ((points, triangles), *mirrored[:1]):  # a torso may lack one arm, too
         yield from _with_plain_limbs(*surface)
@@ -128,30 +135,48 @@ def completed(points: Points, triangles: Indices) -> Iterator[Completed]:
 
 def _with_plain_limbs(points: Points, triangles: Indices) -> Iterator[Completed]:
     """A trunk, or hips, upright along y or z, with plain limbs where it lacks its own; then what stands on a pole."""
-    frames = []
-    for left, up, forward in ((0, 1, 2), (2, 1, 0), (0, 2, 1)):
-        frame = np.eye(3)[[left, up, forward]]
-        if np.linalg.det(frame) < 0.0:  # who faces +x has its left at -z; who is upright along z faces -y
-            frame[0 if up == 1 else 2] *= -1.0
-        frames.append(frame)
-    levels = [_Levels.of(points @ frame.T, triangles) for frame in frames]
-    for frame, each in zip(frames, levels, strict=True):
-        yield from _with_limbs_of(_trunk_of(each), points, triangles, frame)
-    for frame, each in zip(frames, levels, strict=True):
-        yield from _with_limbs_of(_hips_of(each), points, triangles, frame)
-        yield from _with_limbs_of(_bust_of(each), points, triangles, frame)
-        for height in each.tops_of_poles():
-            above, faces = closed_above(points, triangles, frame[1], height)
-            form = _Levels.of(above @ frame.T, faces)
-            yield from _with_limbs_of(_trunk_of(form) or _bust_of(form), above, faces, frame)
+    first = _Upright.of(points, triangles, FACING_Z)
+    seen = (first, first.turned(), _Upright.of(points, triangles, FACING_BACK))
+    for each in seen:
+        yield from each.with_limbs_of(_trunk_of(each.levels))
+    forms: list[_Upright] = []
+    for each in seen:
+        yield from each.with_limbs_of(_hips_of(each.levels))
+        yield from each.with_limbs_of(_bust_of(each.levels))
+        forms = [form.turned() for form in forms] if each is seen[1] else list(each.above_poles())
+        for form in forms:
+            yield from form.with_limbs_of(_trunk_of(form.levels) or _bust_of(form.levels))
 
 
-def _with_limbs_of(trunk: _Trunk | None, points: Points, triangles: Indices, frame: Points) -> Iterator[Completed]:
-    """A surface with the limbs that its trunk lacks, which is in this frame; none, where there is nothing to add."""
-    limbs = [] if trunk is None else trunk.limbs()
-    if limbs:
-        whole = _joined([(points, triangles), *((each @ frame, corners) for each, corners in limbs)])
-        yield Completed(*whole, np.unique(triangles))
+@dataclass(frozen=True, eq=False)
+class _Upright:
+    """A surface, and its sections in a frame that it may be upright in."""
+
+    points: Points  # [m], shape [V, 3]
+    triangles: Indices  # shape [F, 3]
+    frame: Points  # unit vectors to the left, up and forward, shape [3, 3]
+    levels: _Levels
+
+    @classmethod
+    def of(cls, points: Points, triangles: Indices, frame: Points) -> _Upright:
+        return cls(points, triangles, frame, _Levels.of(points @ frame.T, triangles))
+
+    def turned(self) -> _Upright:
+        """The same of who faces what was left; it need not be cut again."""
+        return replace(self, frame=QUARTER @ self.frame, levels=self.levels.turned())
+
+    def above_poles(self) -> Iterator[_Upright]:
+        """What stands on its poles."""
+        for height in self.levels.tops_of_poles():
+            yield _Upright.of(*closed_above(self.points, self.triangles, self.frame[1], height), self.frame)
+
+    def with_limbs_of(self, trunk: _Trunk | None) -> Iterator[Completed]:
+        """The surface with the limbs that this trunk lacks; none, where there is nothing to add."""
+        limbs = [] if trunk is None else trunk.limbs()
+        if limbs:
+            own = (self.points, self.triangles)
+            whole = _joined([own, *((each @ self.frame, corners) for each, corners in limbs)])
+            yield Completed(*whole, used_ids(self.triangles, len(self.points)))
 
 
 def closed_above(points: Points, triangles: Indices, up: Points, height: float) -> Surface:
@@ -165,7 +190,7 @@ def _mirrored(points: Points, triangles: Indices) -> Iterator[Surface]:
     """A body joined with its mirror image, or with that of its upper or lower half alone."""
     from scipy import ndimage
 
-    own = points[np.unique(triangles)]
+    own = points[used_ids(triangles, len(points))]
     low, extent = own.min(axis=0), np.ptp(own, axis=0)
     size = CELL * float(extent.max())
     cells = ((own - low) / size).astype(np.int64)
@@ -199,17 +224,25 @@ class _Levels:
     used: Points  # its vertices [m], shape [N, 3]
     heights: Floats  # [m], shape [LEVELS]
     boxes: tuple[list[Box], ...]  # of the parts of each section
-    middle: float  # between right and left [m]
 
     @classmethod
     def of(cls, points: Points, triangles: Indices) -> _Levels:
-        used = points[np.unique(triangles)]
+        used = points[used_ids(triangles, len(points))]
         bottom, top = (float(height) for height in (used[:, 1].min(), used[:, 1].max()))
         heights = bottom + (np.arange(LEVELS) + 0.5) * (top - bottom) / LEVELS
         sections = Sections(points, triangles)
         boxes = tuple([_box(part) for part in sections.at(height).parts()] for height in heights.tolist())
-        middle = 0.5 * float(np.percentile(used[:, 0], 5) + np.percentile(used[:, 0], 95))
-        return cls(used, heights, boxes, middle)
+        return cls(used, heights, boxes)
+
+    def turned(self) -> _Levels:
+        """The same in QUARTER of its frame."""
+        boxes = tuple([(-front, -back, right, left) for right, left, back, front in level] for level in self.boxes)
+        return _Levels(self.used @ QUARTER.T, self.heights, boxes)
+
+    @cached_property
+    def middle(self) -> float:
+        """Between right and left [m]."""
+        return 0.5 * float(np.percentile(self.used[:, 0], 5) + np.percentile(self.used[:, 0], 95))
 
     @property
     def bottom(self) -> float:
@@ -236,7 +269,7 @@ class _Levels:
         narrow = size < POLE * np.maximum.accumulate(size[::-1])[::-1]
         ends = np.flatnonzero(narrow[:-1] & ~narrow[1:])
         least = math.ceil(POLE_LENGTH * LEVELS)
-        poles = [int(end) for end in ends[::-1] if narrow[max(end + 1 - least, 0) : end + 1].all()]
+        poles = [int(end) for end in ends[::-1] if end + 1 >= least and narrow[end + 1 - least : end + 1].all()]
         return [float(self.heights[end]) for end in poles]
 
 

@@ -149,3 +149,10 @@ def sorted_unique(keys: NDArray[Any]) -> NDArray[Any]:
     """``numpy.unique(keys)`` by sorting: NumPy hashes, which takes ten times as long where most keys differ."""
     ordered = np.sort(keys)
     return ordered[np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]]
+
+
+def used_ids(ids: NDArray[Any], count: int) -> NDArray[np.int64]:
+    """The unique ids, all below ``count``, in order."""
+    used = np.zeros(count, dtype=np.bool_)
+    used[ids] = True
+    return np.flatnonzero(used)

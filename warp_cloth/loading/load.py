@@ -14,6 +14,7 @@ from warp_cloth.base.connected import mesh_parts
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Folds, Mesh
 from warp_cloth.base.mesh_formats import GLTF, NAMED, OBJ, PLAIN, SUPPORTED, USD
+from warp_cloth.base.topology import used_ids
 from warp_cloth.base.units import BodyUp, LengthUnit
 from warp_cloth.loading.decimals import half_step, shortest_decimals
 from warp_cloth.loading.generic import read_gltf, read_stl
@@ -23,7 +24,6 @@ from warp_cloth.loading.ply import read_ply
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, check
 from warp_cloth.loading.repair import Repaired, RestKey, repaired
 from warp_cloth.loading.sizes import choose_unit, refuse_far
-from warp_cloth.loading.unique_rows import used_ids
 from warp_cloth.loading.usd import read_usd
 
 _READERS: dict[str, Callable[[str, bytes], RawMesh]] = {  # of formats whose meshes have no names

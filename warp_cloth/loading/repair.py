@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
+from warp_cloth.base.topology import used_ids
 from warp_cloth.loading.layered import layers_meet
 from warp_cloth.loading.mirrored import half_at
 from warp_cloth.loading.polygons import triangulated
@@ -19,7 +20,7 @@ from warp_cloth.loading.slivers import without_slivers
 from warp_cloth.loading.split_seams import SplitSeams, split_seams
 from warp_cloth.loading.thickness import shell_among
 from warp_cloth.loading.trims import trims_among
-from warp_cloth.loading.unique_rows import edges_of, unique_rows, used_ids
+from warp_cloth.loading.unique_rows import edges_of, unique_rows
 from warp_cloth.loading.weld import Weld, weld
 from warp_cloth.loading.winding import consistent_winding, outward
 

@@ -53,13 +53,6 @@ def _row_keys(rows: np.ndarray) -> Ints | None:
     return key
 
 
-def used_ids(ids: np.ndarray, count: int) -> Ints:
-    """The unique ids, all below ``count``, in order."""
-    used = np.zeros(count, dtype=bool)
-    used[ids] = True
-    return np.flatnonzero(used)
-
-
 def edges_of(triangles: Ints) -> Ints:
     """The three directed edges of every triangle, shape [3 F, 2]."""
     edges: Ints = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
+from warp_cloth.base.topology import used_ids
 from warp_cloth.loading.raw import Floats, Ints
-from warp_cloth.loading.unique_rows import edges_of, unique_rows, used_ids
+from warp_cloth.loading.unique_rows import edges_of, unique_rows
 
 # Vertices of two rims closer than this [m], and than this fraction of their edges, are one: files round that much.
 NEAR, NEAR_FRACTION = 1e-4, 0.01
