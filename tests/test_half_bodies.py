@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from meshfiles import write_obj
 
+import warp_cloth
 from warp_cloth.anatomy.person import Person, understand
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, skeleton_of
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.contact.garments import placed
+from warp_cloth.garment.outfit import MeshCache, load_outfit
+from warp_cloth.model.fit_problem import ProblemCode
+from warp_cloth.scene import Scene, load_scene
 from warp_cloth.shapes import mannequin
 
 NEAR = 0.015  # [m] by which a girth may differ, as edges are that long
@@ -90,6 +96,33 @@ def test_hips_with_legs_are_understood_and_have_no_waist_where_they_end(person: 
     assert own["inside_leg_length"] == pytest.approx(whole["inside_leg_length"], abs=NEAR)
     assert own["waist"] is None
     assert own["chest"] is None
+
+
+@pytest.fixture(scope="module")
+def skirt_on_hips(person: Person, tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    path = tmp_path_factory.mktemp("hips") / "hips.obj"
+    write_obj(path, *cut(person, -1.0, WAIST))
+    return load_scene("skirt", on=path)
+
+
+def test_a_skirt_starts_below_the_end_of_hips(skirt_on_hips: Scene) -> None:
+    outfit = load_outfit(skirt_on_hips)
+    wearing = outfit.wearing[0]
+    assert wearing is not None
+    assert wearing.over_end(wearing.start) > 0.0
+    assert wearing.over_end(wearing.onto) == pytest.approx(0.0, abs=1e-9)  # where it is dressed
+    (sewn,) = placed([skirt_on_hips], [outfit], "cpu", MeshCache())
+    assert wearing.over_end(sewn.garments[0].points) == pytest.approx(0.0, abs=1e-9)
+    assert any("above the avatar's end" in note for note in sewn.meshes[0].notes)
+
+
+def test_a_waist_that_stands_above_the_body_is_not_worn(skirt_on_hips: Scene) -> None:
+    points = load_outfit(skirt_on_hips).garments[0].points
+    found = warp_cloth.judge(skirt_on_hips, points, device="cpu")
+    over = [each for each in found.problems if "over_mm" in each.figures]
+    assert [each.code for each in over] == [ProblemCode.EMPTY_OPENING]
+    lowered = warp_cloth.judge(skirt_on_hips, points - [0.0, 1e-3 * over[0].figures["over_mm"], 0.0], device="cpu")
+    assert not any("over_mm" in each.figures for each in lowered.problems)
 
 
 @pytest.mark.parametrize("top", [NECK, 2.0])

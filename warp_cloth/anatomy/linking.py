@@ -297,6 +297,30 @@ class Wearing:
         top, left, up = self.top.loop, self.skeleton.left, self.skeleton.up
         return _slope(points[top] @ left, points[top] @ up) - _slope(self.onto[top] @ left, self.onto[top] @ up)
 
+    def over_end(self, points: Points) -> float:
+        """How far the top of what hangs from the waist reaches above the body's end, at ``points`` [m]."""
+        top = max(self.openings, key=lambda opening: float((points[opening.loop] @ self.skeleton.up).mean()))
+        return float((points[top.loop] @ self.skeleton.up).max()) - self._end
+
+    @cached_property
+    def room_above(self) -> float:
+        """How far up it may start at most, so that its neckline or waist is not above a body that ends there [m].
+
+        Infinite, where the body does not end; negative, where a waist starts above it.
+        """
+        if HEAD not in self.skeleton.lacks:
+            return float("inf")
+        if self.hangs_from_waist:
+            return -self.over_end(self.start)
+        pairs = zip(self.openings, self.limbs, strict=True)
+        necklines = [float((self.start[each.loop] @ self.skeleton.up).min()) for each, limbs in pairs if HEAD in limbs]
+        return max(self._end - min(necklines), 0.0) if necklines else float("inf")
+
+    @property
+    def _end(self) -> float:
+        """Height of the body's top, without the limbs that it lacks [m]."""
+        return float((self.skeleton.skin[self.skeleton.own] @ self.skeleton.up).max())
+
     def _below_crotch(self, points: Points) -> float:
         """How far the crotch of trousers at ``points`` is below the body's [m]; infinite: it is none."""
         if not len(self.between_legs):
@@ -321,7 +345,7 @@ class Wearing:
         the neck through the neckline, where cloth is on both sides of the head. Up and down so that it lies on the
         shoulders, where it has any and is far from that, or its neckline would be sewn over the head or below the arms.
         Else only where a waist is far from the body's and not round its trunk, since where trousers begin is their
-        designer's choice.
+        designer's choice; or where the body ends below it.
         """
         skeleton, points = self.skeleton, self.followed
         wrong = {id(each.opening) for each in self.misplaced_at_start}
@@ -348,6 +372,8 @@ class Wearing:
             middles = [points[opening.loop].mean(axis=0) for opening in self._round_trunk]
             up = -max(float((middle - skeleton.middle) @ skeleton.up) for middle in middles)
             shift = shift + skeleton.up * (up if abs(up) > FAR_WAIST else 0.0)
+        if self.hangs_from_waist and HEAD in skeleton.lacks:
+            shift = shift - skeleton.up * max(self.over_end(points + shift), 0.0)
         return shift
 
     @property

@@ -12,6 +12,7 @@ from warp_cloth.base.mesh import Mesh, Points, face_normals
 
 DEEP = 0.02  # [m]; vertices that start less deep come out by themselves
 SHIFTS_UP = np.arange(-0.04, 0.161, 0.01)  # [m]; a head taller or shorter is 0.2, its shoulders less
+ROUNDING = 1e-9  # [m]; these are not exact
 SHIFTS_FORWARD = np.array([0.0, -0.02, 0.02, -0.04, 0.04])  # [m]
 # [m]; a shift farther up must leave less than WORTH of what the best shorter one leaves, unless that one clears
 FAR = 0.085
@@ -20,13 +21,18 @@ CLEARS = 0.1  # less than this clears. A shift down must clear: trousers would h
 
 
 def clear_shift(
-    points: Points, avatar: Mesh, device: wp.DeviceLike = None, *, may_be_elsewhere: bool = False
+    points: Points,
+    avatar: Mesh,
+    device: wp.DeviceLike = None,
+    *,
+    may_be_elsewhere: bool = False,
+    highest: float = np.inf,
 ) -> Points | None:
     """The shift [m] up and forward that brings a garment's vertices out of the avatar best; None: leave it there.
 
     ``points`` [m], shape [V, 3]. Measured by the summed depths of all vertices inside; of equal shifts the shortest.
     A dress form has no limbs that tell where it stands: it ``may_be_elsewhere``, and where no such shift clears, the
-    garment is moved onto its middle first.
+    garment is moved onto its middle first. ``highest``: how far up it may be moved [m].
     """
     exact = build_exact_collider(avatar, device)
 
@@ -40,19 +46,22 @@ def clear_shift(
     def remaining(shifts: Sequence[Points]) -> Points:
         return np.array([depths(shift).sum() for shift in shifts]) / start.sum()  # fraction of the depth
 
-    shift, least = _upwards(remaining, np.zeros(3))
+    shift, least = _upwards(remaining, np.zeros(3), highest)
     if not may_be_elsewhere or least < CLEARS:
         return shift
     level = _onto_middle(points, avatar)
     if remaining([level])[0] > WORTH:
         return shift
-    further = _upwards(remaining, level)[0] if depths(level).max() > DEEP else None
+    further = _upwards(remaining, level, highest)[0] if depths(level).max() > DEEP else None
     return level if further is None else further
 
 
-def _upwards(remaining: Callable[[Sequence[Points]], Points], base: Points) -> tuple[Points | None, float]:
+def _upwards(
+    remaining: Callable[[Sequence[Points]], Points], base: Points, highest: float
+) -> tuple[Points | None, float]:
     """The best shift up and forward from another [m], None: none is worth it; and what it leaves."""
-    shifts = [np.array([0.0, up, forward]) for up in SHIFTS_UP for forward in SHIFTS_FORWARD]
+    ups = SHIFTS_UP[max(highest, 0.0) + ROUNDING >= SHIFTS_UP]
+    shifts = [np.array([0.0, up, forward]) for up in ups for forward in SHIFTS_FORWARD]
     shifts.sort(key=lambda shift: float(np.linalg.norm(shift)))
     left = remaining([base + shift for shift in shifts]) / remaining([base])
     up = np.array(shifts)[:, 1]

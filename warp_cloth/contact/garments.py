@@ -37,13 +37,16 @@ def placed(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, cach
     """
 
     def shift_of(scene: Scene, outfit: Outfit, index: int) -> Points | None:
-        garment, avatar = outfit.garments[index], outfit.starting_avatar
+        garment, avatar, wearing = outfit.garments[index], outfit.starting_avatar, outfit.wearing[index]
         if avatar is None or scene.collision.avatar == "none" or garment.rest.source.kind != "uv" or len(garment.pins):
             return None
         surface = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar)).closing.surface(avatar)
-        elsewhere = not outfit.poses and outfit.wearing[index] is None
-        make = partial(clear_shift, garment.points, surface, device, may_be_elsewhere=elsewhere)
-        return cache.get_or_make("shift", (garment.points, avatar), make, elsewhere)
+        elsewhere = not outfit.poses and wearing is None
+        highest = np.inf if wearing is None else wearing.room_above
+        if wearing is not None and highest < 0.0:
+            return highest * wearing.skeleton.up
+        make = partial(clear_shift, garment.points, surface, device, may_be_elsewhere=elsewhere, highest=highest)
+        return cache.get_or_make("shift", (garment.points, avatar), make, elsewhere, highest)
 
     return [
         _shifted(outfit, [shift_of(scene, outfit, index) for index in range(len(outfit.garments))], cache)
@@ -57,7 +60,10 @@ def _shifted(outfit: Outfit, shifts: Sequence[Points | None], cache: Cache) -> O
     garments, meshes = list(outfit.garments), list(outfit.meshes)
     for index, shift in enumerate(shifts):
         if shift is not None:
-            note = f"some of it started inside the avatar: moved {shift_text(shift)} before it was sewn"
+            wearing = outfit.wearing[index]
+            is_above = wearing is not None and wearing.room_above < 0.0
+            why = "its waist started above the avatar's end" if is_above else "some of it started inside the avatar"
+            note = f"{why}: moved {shift_text(shift)} before it was sewn"
             loaded = garments[index].points
             points = cache.get_or_make("shifted", (loaded, shift), partial(np.add, loaded, shift))
             garments[index] = replace(garments[index], points=points)

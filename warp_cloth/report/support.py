@@ -33,6 +33,7 @@ LOWEST_TOP = 0.67
 # that stay there settle by 0.11 and 0.21; one that came down by 0.45 lies heaped up round the waist.
 FROM_BUST = 0.33
 LEVEL = 0.01  # of the avatar's height, up to which openings start at one height
+OVER_END = 0.005  # [m], more than cloth that lies on the rim of a body that ends at the waist: nothing is in that there
 NECK = 0.8  # of the avatar's height, above which a top opening is a collar or a hood
 NARROWEST = 0.06  # of the avatar's height: the girth of an opening for a limb; less is a buttonhole
 SCRAP = 0.1  # of the vertices of a garment's largest piece; what has fewer does not tell where the garment hangs
@@ -45,6 +46,7 @@ def support_problems(judged: Judged) -> Iterator[FitProblem]:
     if not judged.pinned:
         lost = unsupported(judged) or fell_off(judged) or slid_off(judged) or slid_down(judged)
         lost = lost or hangs_from_one_hip(judged) or off_shoulders(judged)
+        yield from over_end(judged)
         yield from too_long(judged)
         if (lost is not None and lost.code is ProblemCode.SLID_OFF) or (judged.strains > TORN).any():
             yield from too_short(judged)
@@ -182,6 +184,24 @@ def hangs_from_one_hip(judged: Judged) -> FitProblem | None:
         {"slope": abs(slope), "limit": LOPSIDED},
         vertices=listed(wearing.top.loop),
     )
+
+
+def over_end(judged: Judged) -> Iterator[FitProblem]:
+    """A waist that stands above a body that ends below it."""
+    wearing = judged.of.outfit.wearing[judged.index]
+    if wearing is None or judged.of.body is None or not wearing.hangs_from_waist:
+        return
+    over = wearing.over_end(judged.points)
+    if over > OVER_END:
+        yield FitProblem(
+            ProblemCode.EMPTY_OPENING,
+            f'The top of "{judged.name}" stands {1e3 * over:.0f} mm above the body, which ends below it, so that '
+            "nothing holds it there.",
+            "Use a body that reaches above its waist, or a garment that begins lower.",
+            judged.name,
+            {"over_mm": 1e3 * over, "limit_mm": 1e3 * OVER_END},
+            vertices=listed(wearing.top.loop),
+        )
 
 
 def off_shoulders(judged: Judged) -> FitProblem | None:
