@@ -51,6 +51,26 @@ def floor(half: float) -> Mesh:
     return Mesh("floor", corners - [0.0, 0.01, 0.0], np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32))
 
 
+def bent_aside(person: Person, degrees: float) -> Mesh:
+    """A body whose waist is bent to its left, from 0.5 to 0.7 of its height; the arms go with the shoulders."""
+    assert person.skeleton is not None
+    (x, y, z), angle = person.body.points.T, np.radians(degrees)
+    low, high = 0.5 * y.max(), 0.7 * y.max()
+    share = np.where(np.isin(person.skeleton.limb, (RIGHT_ARM, LEFT_ARM)), 1.0, np.clip((y - low) / (high - low), 0, 1))
+    radius, beyond = (high - low) / angle, y - low - share * (high - low)
+    above, turn = np.where(share > 0.0, beyond, 0.0), share * angle
+    across = radius - (radius - x) * np.cos(turn) + above * np.sin(turn)
+    up = low + (radius - x) * np.sin(turn) + above * np.cos(turn) + (beyond - above)
+    return Mesh("bent", np.stack([across, up, z], axis=1), person.body.triangles)
+
+
+def test_a_neck_is_measured_on_who_bends_to_a_side() -> None:
+    """Level sections cut the raised shoulder there."""
+    upright = understand(mannequin(KNOWN, edge=0.015))
+    bent = understand(bent_aside(upright, 40.0))
+    assert values(bent)["neck"] == pytest.approx(values(upright)["neck"], abs=GIRTH)
+
+
 def test_a_floor_or_another_person_is_left_out() -> None:
     """A floor has more area than the person on it."""
     person = understand(mannequin(KNOWN, edge=0.015))

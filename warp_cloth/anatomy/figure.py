@@ -35,6 +35,9 @@ APART, ARMPIT, LOWEST_ARMPIT = 25.0, 0.95, 0.6
 NEAR_TRUNK = 0.5
 NECKS, NECK_STEP = (0.78, 0.89), 0.005  # of the stature: where the neck's narrowest level section is looked for
 NECK_SHIFTS = np.linspace(-0.015, 0.015, 7)  # of the stature, along the neck, from there
+# Where a head leans more than this from the trunk's up [degrees], to a side in most, its neck is also sought square to
+# its curve, so many of the curve's points above and below its joint: 8 degrees in who stands.
+HEAD_LEANS, NECK_STEPS = 30.0, 6
 NECK_AROUND = 0.1  # of the stature, round its middle: what the tape may touch
 RIM = 0.004  # of the stature: what is so near to a cut through the body is its rim
 CROTCH_ROUNDS = 12  # halvings of its height
@@ -135,20 +138,37 @@ class Figure:
     @cached_property
     def neck(self) -> Tape | None:
         """The shortest tape round the neck."""
+        return shortest([self._neck_at_level, self._neck_on_head])
+
+    @property
+    def _neck_at_level(self) -> Tape | None:
+        """That round the narrowest level section."""
         level = self.neck_level
         if level is None:
             return None
         x, z = level.section.ends[level.section.part == level.trunk].mean(axis=(0, 1))
-        middle = np.array([x, level.height, z]) @ self.frame
+        return self._tape_round_neck(np.array([x, level.height, z]) @ self.frame, self.frame[1])
+
+    @property
+    def _neck_on_head(self) -> Tape | None:
+        """That round the neck of a head that leans much, whose level sections may cut a shoulder; None: it does not."""
+        curve, joint = self.skeleton.curves[HEAD], self.skeleton.joints[HEAD]
+        along = curve[min(joint + NECK_STEPS, len(curve) - 1)] - curve[max(joint - NECK_STEPS, 0)]
+        along /= np.linalg.norm(along)
+        leans = float(along @ self.frame[1]) < np.cos(np.radians(HEAD_LEANS))
+        return self._tape_round_neck(self.skeleton.spine[-1], along) if leans else None
+
+    def _tape_round_neck(self, middle: Points, up: Points) -> Tape | None:
+        """The shortest tape round a neck that has this middle [m] and direction."""
         near = row_lengths(self.body.points - middle) < NECK_AROUND * self.stature
         points, corners = part_of(self.body.points, self.trunk.triangles, near)
-        up, forward = self.frame[1:]
+        forward = np.cross(self.frame[0], up)
         alongs = [np.cos(tilt) * up + np.sin(tilt) * forward for tilt in NECK_TILTS]
         shifts = self.stature * NECK_SHIFTS
         tapes = (tape_round(points, corners, middle + shift * up, along) for along in alongs for shift in shifts)
         # one through the lid of a neck that is cut is too short
-        below = self._top - RIM * self.stature
-        return shortest(tape for tape in tapes if tape is not None and float((tape.line @ up).max()) < below)
+        below, vertical = self._top - RIM * self.stature, self.frame[1]
+        return shortest(tape for tape in tapes if tape is not None and float((tape.line @ vertical).max()) < below)
 
     @cached_property
     def levels(self) -> dict[str, Level]:
