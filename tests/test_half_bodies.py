@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from meshfiles import write_obj
@@ -20,6 +22,7 @@ from warp_cloth.shapes import mannequin
 NEAR = 0.015  # [m] by which a girth may differ, as edges are that long
 STANDING_HIP = 0.025  # [m]: the stature, by which the hip is searched, is that of a plain head and trunk
 HIPS, WAIST, NECK = 0.45, 0.62, 0.87  # of the stature: where bodies are cut
+LOWER = 0.06  # [m] by which a form is lower than a garment's own body
 ARMS, LEGS = (RIGHT_ARM, LEFT_ARM), (RIGHT_LEG, LEFT_LEG)
 
 
@@ -114,6 +117,26 @@ def test_a_skirt_starts_below_the_end_of_hips(skirt_on_hips: Scene) -> None:
     (sewn,) = placed([skirt_on_hips], [outfit], "cpu", MeshCache())
     assert wearing.over_end(sewn.garments[0].points) == pytest.approx(0.0, abs=1e-9)
     assert any("above the avatar's end" in note for note in sewn.meshes[0].notes)
+
+
+def test_a_shirt_starts_on_the_shoulders_of_a_form(person: Person, tmp_path: Path) -> None:
+    """Falling onto them, its neckline would hook on the stump of the neck."""
+    form = cut(person, HIPS, NECK)
+    write_obj(tmp_path / "form.obj", form[0] - [0.0, LOWER, 0.0], form[1])
+    scene = load_scene("tshirt", on=tmp_path / "form.obj")
+    outfit = load_outfit(scene)
+    wearing = outfit.wearing[0]
+    assert wearing is not None
+    assert wearing.over_shoulders(wearing.start) > 0.5 * LOWER
+    assert wearing.over_shoulders(wearing.onto) == pytest.approx(0.0, abs=NEAR)  # where it is dressed
+    (sewn,) = placed([scene], [outfit], "cpu", MeshCache())
+    assert wearing.over_shoulders(sewn.garments[0].points) < NEAR
+
+
+@pytest.mark.parametrize("name", ["tshirt", "shirt", "skirt", "trousers"])
+def test_a_body_may_be_padded_under_shipped_garments(name: str) -> None:
+    """A stated offset would forbid it, and a cut rim show through them."""
+    assert "offset_mm" not in load_scene(name).collision.model_fields_set
 
 
 def test_a_waist_that_stands_above_the_body_is_not_worn(skirt_on_hips: Scene) -> None:

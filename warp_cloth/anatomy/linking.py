@@ -306,12 +306,16 @@ class Wearing:
     def room_above(self) -> float:
         """How far up it may start at most, so that its neckline or waist is not above a body that ends there [m].
 
-        Infinite, where the body does not end; negative, where a waist starts above it.
+        Infinite, where the body does not end; negative, where a waist starts above it, or what lies on the shoulders
+        starts above them: falling, a neckline hooks on the stump of a neck.
         """
         if HEAD not in self.skeleton.lacks:
             return float("inf")
         if self.hangs_from_waist:
             return -self.over_end(self.start)
+        above = self.over_shoulders(self.start)
+        if above > 0.0:
+            return -above
         pairs = zip(self.openings, self.limbs, strict=True)
         necklines = [float((self.start[each.loop] @ self.skeleton.up).min()) for each, limbs in pairs if HEAD in limbs]
         return max(self._end - min(necklines), 0.0) if necklines else float("inf")
@@ -361,7 +365,8 @@ class Wearing:
             is_round_head = above > NECK and self._pierced_by_head(points + shift + to_neck)
             is_under = above < 0.0 and any(HEAD in each.wanted for each in self.misplaced_at_start)
             is_low = above < -LOW and bool(self.start_fault) and self._has_sleeves
-            if is_round_head or is_under or is_low or abs(above) > FAR_SHOULDERS * skeleton.span:
+            is_over_stump = above > 0.0 and HEAD in skeleton.lacks
+            if is_round_head or is_under or is_low or is_over_stump or abs(above) > FAR_SHOULDERS * skeleton.span:
                 shift = shift - skeleton.up * above
                 to_neck = self._onto_neck(points + shift)  # there; an adult's neckline is above a child's head
             shift = shift + to_neck

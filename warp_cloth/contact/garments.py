@@ -43,10 +43,10 @@ def placed(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, cach
         surface = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar)).closing.surface(avatar)
         elsewhere = not outfit.poses and wearing is None
         highest = np.inf if wearing is None else wearing.room_above
-        if wearing is not None and highest < 0.0:
-            return highest * wearing.skeleton.up
-        make = partial(clear_shift, garment.points, surface, device, may_be_elsewhere=elsewhere, highest=highest)
-        return cache.get_or_make("shift", (garment.points, avatar), make, elsewhere, highest)
+        down = np.zeros(3) if wearing is None else min(highest, 0.0) * wearing.skeleton.up
+        make = partial(clear_shift, garment.points + down, surface, device, may_be_elsewhere=elsewhere, highest=highest)
+        shift: Points | None = cache.get_or_make("shift", (garment.points, avatar), make, elsewhere, highest)
+        return shift if not down.any() else down if shift is None else down + shift
 
     return [
         _shifted(outfit, [shift_of(scene, outfit, index) for index in range(len(outfit.garments))], cache)
@@ -62,7 +62,7 @@ def _shifted(outfit: Outfit, shifts: Sequence[Points | None], cache: Cache) -> O
         if shift is not None:
             wearing = outfit.wearing[index]
             is_above = wearing is not None and wearing.room_above < 0.0
-            why = "its waist started above the avatar's end" if is_above else "some of it started inside the avatar"
+            why = "it started above the avatar's end" if is_above else "some of it started inside the avatar"
             note = f"{why}: moved {shift_text(shift)} before it was sewn"
             loaded = garments[index].points
             points = cache.get_or_make("shifted", (loaded, shift), partial(np.add, loaded, shift))
