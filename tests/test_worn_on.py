@@ -18,6 +18,7 @@ from warp_cloth.cli.main import app
 from warp_cloth.fitting.fit import fit
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.loading import load_mesh
+from warp_cloth.loading.obj import obj_mesh_names
 from warp_cloth.maps.measure import MeasuredBody
 from warp_cloth.scene import MannequinShape, load_scene
 from warp_cloth.shapes import MannequinMeasures, mannequin
@@ -279,6 +280,12 @@ def test_an_object_of_an_obj_is_named_by_its_place_in_the_file(tmp_path: Path) -
 @pytest.mark.parametrize("kind", ["glb", "obj"])
 def test_parts_of_one_garment_stay_one(tmp_path: Path, other: tuple[float, float, float], kind: str) -> None:
     assert prims_of(outfit_file(tmp_path / f"shirt.{kind}", tube_of(0.25, 0.95, 1.3), tube_of(*other))) == [None]
+
+
+def test_a_file_that_names_no_object_is_not_read_for_that() -> None:
+    assert obj_mesh_names("", b"v 0 0 0\nunknown\n") == []
+    with pytest.raises(InputError, match="not an OBJ statement"):
+        obj_mesh_names("", b"o\tshirt\nunknown\n")
 
 
 def test_panels_of_one_garment_stay_one(tmp_path: Path) -> None:

@@ -26,10 +26,11 @@ from warp_cloth.loading.repair import Repaired, RestKey, repaired
 from warp_cloth.loading.sizes import choose_unit, refuse_far
 from warp_cloth.loading.usd import read_usd
 
-_READERS: dict[str, Callable[[str, bytes], RawMesh]] = {  # of formats whose meshes have no names
-    ".ply": read_ply,
-    ".stl": read_stl,
+_NAMED_READERS: dict[str, Callable[..., RawMesh]] = {  # of formats whose meshes have names: ``key`` and ``name``, too
+    **dict.fromkeys(OBJ, read_obj),
+    **dict.fromkeys(GLTF, read_gltf),
 }
+_READERS: dict[str, Callable[[str, bytes], RawMesh]] = {".ply": read_ply, ".stl": read_stl}  # of the others
 
 REMOTE = {"http", "https", "ftp", "s3", "gs"}  # schemes of remote addresses
 
@@ -209,11 +210,11 @@ def read_raw(
         raise InputError(path, f"{key}.prim is given, but {kind} files have no prims", f"remove {key}.prim")
     try:
         with np.errstate(all="ignore"):  # non-finite values are refused later
-            if kind in GLTF:
-                return read_gltf(str(path), data, key=key, name=prim)
-            if kind in OBJ:
-                return _stood_up(read_obj(str(path), data, key=key, name=prim), up)
-            return _stood_up(_READERS[kind](str(path), data), up)
+            if kind in _NAMED_READERS:
+                raw = _NAMED_READERS[kind](str(path), data, key=key, name=prim)
+            else:
+                raw = _READERS[kind](str(path), data)
+            return _stood_up(raw, up) if kind in PLAIN else raw
     except (ValueError, ArithmeticError, LookupError, RecursionError) as error:
         reason = " ".join(str(error).split())[:120]
         problem = f"cannot be read as {kind[1:].upper()}: {reason} ({type(error).__name__})"

@@ -23,6 +23,7 @@ _INDEX = rb"\d{1,9}"
 WIDEST = 64  # numbers in a row that are looked for by one expression: those with more take long to build
 _REMARK = re.compile(rb"(?:^|\s)#")  # within a word "#" belongs to a name
 _GROUPINGS = (b"g", b"o", b"usemtl")  # what may stand for panels, best first
+_NAMING = (b"o ", b"o\t", b"g ", b"g\t")  # one of them is in every file that names objects; numbers have no letters
 
 
 @dataclass
@@ -76,7 +77,10 @@ def read_obj(file: str, data: bytes, *, key: str = "", name: str | None = None) 
 
 def obj_mesh_names(file: str, data: bytes) -> list[str]:
     """Names of the objects of an OBJ by ``o``, else ``g``, as ``read_obj`` takes them, in the file's order."""
-    return list(_objects(_sorted_lines(file, to_utf8(data)))[1])
+    data = to_utf8(data)
+    if not any(statement in data for statement in _NAMING):
+        return []  # as most files, which need not be read for that
+    return list(_objects(_sorted_lines(file, data))[1])
 
 
 def _objects(statements: _Statements) -> tuple[Ints | None, tuple[str, ...]]:
