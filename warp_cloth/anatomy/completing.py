@@ -168,7 +168,9 @@ class _Upright:
     def above_poles(self) -> Iterator[_Upright]:
         """What stands on its poles."""
         for height in self.levels.tops_of_poles():
-            yield _Upright.of(*closed_above(self.points, self.triangles, self.frame[1], height), self.frame)
+            above, faces = closed_above(self.points, self.triangles, self.frame[1], height)
+            if len(faces):  # else all are as tall as the pole, such as a sheet's
+                yield _Upright.of(above, faces, self.frame)
 
     def with_limbs_of(self, trunk: _Trunk | None) -> Iterator[Completed]:
         """The surface with the limbs that this trunk lacks; none, where there is nothing to add."""
