@@ -31,6 +31,11 @@ def cube(middle: tuple[float, float, float], size: float = 0.008) -> Part:
     return size * points + middle, triangles
 
 
+def open_box(middle: tuple[float, float, float], size: float) -> Part:
+    points, triangles = cube(middle, size)
+    return points, triangles[(points[triangles, 1].min(axis=1) < points[:, 1].max())]
+
+
 def loaded(tmp_path: Path, *parts: Part) -> Mesh:
     starts = np.cumsum([0, *(len(points) for points, _ in parts)])
     points = np.concatenate([points for points, _ in parts])
@@ -61,7 +66,7 @@ def test_button_is_left_out_of_the_cloth_and_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "other",
-    [sheet(0.005), cube((0.0, 0.3, 0.0)), cube((0.0, 0.01, 0.0), 0.06)],
+    [sheet(0.005), cube((0.0, 0.3, 0.0)), open_box((0.0, 0.01, 0.0), 0.06)],
     ids=["lining", "far from the cloth", "stands off it"],
 )
 def test_other_parts_are_cloth(tmp_path: Path, other: Part) -> None:
@@ -76,6 +81,16 @@ def test_what_is_too_small_to_be_held_is_carried(tmp_path: Path, scrap: Part) ->
     mesh = loaded(tmp_path, cloth, scrap)
     np.testing.assert_allclose(mesh.points, cloth[0], atol=ROUNDING)
     np.testing.assert_allclose(trims_of(mesh).start, scrap[0], atol=1e-6)
+
+
+def test_a_solid_is_carried_by_open_cloth_alone(tmp_path: Path) -> None:
+    """A hanger, a bar of 36 cm through the shoulders, took part in the fit as cloth."""
+    points, faces = cube((0.0, 0.0, 0.0), 0.02)
+    bar = points * [18.0, 1.0, 1.0] + [0.0, 0.05, 0.0], faces
+    assert Trims.of(loaded(tmp_path, sheet(), bar)) is not None
+    points, faces = cube((0.0, 0.0, 0.0), 1.0)
+    cushion = points * [1.0, 0.04, 1.0], faces
+    assert Trims.of(loaded(tmp_path, cushion, bar)) is None  # may all be modelled with its thickness
 
 
 def bulging(rise: float, rim: float = 0.0) -> Part:

@@ -17,6 +17,7 @@ SHARE, NEAR = 0.1, 0.01
 # Or if it is too small to be held by anything, up to RIGID across, and stands off that far [m] at most, such as a
 # toggle, a pompom, or the scrap of a chin that was left where a neckline was cut from a body.
 SCRAP_SHARE, SCRAP_NEAR = 0.01, 0.25
+# The same of what is closed, such as a hanger or a brooch, where the cloth is open sheets: a solid is none.
 # Or if this share of the corners along its rims lie on the cloth, as those of a patch pocket do, and it bulges no more
 # than that [m]. The upper rim of a collar, or the end of a cuff, does not.
 ON_CLOTH, BULGE = 0.9, 0.05
@@ -49,7 +50,8 @@ def trims_among(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
     on_rim = np.isin(triangles[loose].ravel(), _rim(triangles[loose]))
     rims, near = (np.bincount(of_corner[chosen], minlength=len(total)) for chosen in (on_rim, on_rim & (away <= NEAR)))
     is_patch = (rims > 0) & (near >= ON_CLOTH * rims)
-    limits = np.select([is_scrap, is_patch], [SCRAP_NEAR, BULGE], NEAR)
+    is_solid = (rims == 0) & (len(rim_edges(triangles[~loose])) > 0)
+    limits = np.select([is_scrap | is_solid, is_patch], [SCRAP_NEAR, BULGE], NEAR)
     return loose & (farthest <= limits)[part]
 
 
