@@ -21,6 +21,7 @@ from warp_cloth.base.mesh import Mesh
 from warp_cloth.contact.box_tree import candidate_lists
 from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.contact.facing import Facing
+from warp_cloth.contact.sheets import sheets_of
 from warp_cloth.kernels.contact.arrays import NEVER
 from warp_cloth.kernels.contact.broad_phase import COUNTER_STRIDE
 from warp_cloth.kernels.contact.untangle import LONGEST, PATIENCE, exclude_tangled
@@ -80,6 +81,21 @@ def test_what_crosses_is_found_from_what_was_tangled_as_from_all() -> None:
     everywhere, near = parted(1), parted(0)
     assert everywhere[0][0] > 0
     assert all(np.array_equal(one, other) for one, other in zip(everywhere, near, strict=True))
+
+
+def test_an_edge_of_a_modelled_garment_is_no_seam_however_long() -> None:
+    """Taken for one yet to close it passed through all, and each crossing search was for all."""
+    mesh = grid(5, 0.08)
+    model, cloth_contact, garments = sheets_at([mesh, moved(mesh, 0.003, 0.004, 0.01)])
+    points = model.points()
+    pulled = len(mesh.points) // 2
+    points[pulled, 2] += 0.05  # through the other sheet, its edges nearly three times as long as at rest
+    model.set_points(points)
+    cloth_contact.awaken(model.state)
+    cloth_contact.search(model.state)
+    crossing = find_crossings(points, sheets_of(garments), "cpu").pierced
+    assert cloth_contact.untangling.count.numpy()[0] == len(crossing) > 0
+    assert cloth_contact.pair_search.geometry.whole.numpy()[0] == 0
 
 
 def test_what_is_tangled_is_pressed_again_once_it_is_not() -> None:

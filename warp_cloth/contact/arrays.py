@@ -26,7 +26,9 @@ HALVING_PRESSURE = 1e4
 FORCE_AT_HALF = 2.0  # squeeze force there, over modulus times thickness
 # Cloth within this many thicknesses along itself cannot be folded onto itself: a half turn takes pi/2 of them.
 NEAR_AT_REST = 1.6
-OPEN_STRETCH = 2.0  # length over rest length beyond which an edge is a seam that has yet to close
+# Length over rest length beyond which an edge is a seam that has yet to close; where nothing is to be sewn none is, and
+# a stretched edge is cloth: taken for a seam it passed through all, and kept the crossing search from narrowing down.
+OPEN_STRETCH = 2.0
 
 
 def per_vertex(sheets: Sheets, values: Sequence[float] | NDArray[Any]) -> NDArray[Any]:
@@ -96,8 +98,9 @@ def search_arrays(
     near = np.concatenate([vertices + first for (_, vertices), first in zip(rows, start, strict=False)])
     near_start, near = permutation.lists(np.concatenate([[0], np.cumsum(counts)]), permutation.of(near))
     search.near_start, search.near = wp.array(near_start, dtype=wp.int32), wp.array(near, dtype=wp.int32)
-    lengths = np.concatenate([garment.rest.edge_length for garment in garments])
-    search.longest = wp.array(OPEN_STRETCH * lengths, dtype=wp.float32)
+    open_stretch = [np.inf if garment.rest.source.kind == "mesh" else OPEN_STRETCH for garment in garments]
+    lengths = [each * garment.rest.edge_length for each, garment in zip(open_stretch, garments, strict=True)]
+    search.longest = wp.array(np.concatenate(lengths), dtype=wp.float32)
     search.sides = wp.array(sheets.triangle_edges, dtype=wp.vec3i)
     search.whole = wp.ones(1, dtype=wp.int32)
     search.tangled = wp.zeros(sheets.vertex_count, dtype=wp.int32)
