@@ -28,7 +28,7 @@ from warp_cloth.kernels.contact.untangle import LONGEST, PATIENCE, exclude_tangl
 from warp_cloth.model.permutation import Permutation
 from warp_cloth.scene import SphereShape
 from warp_cloth.shapes import build_avatar
-from warp_cloth.solver.contact_schedule import ContactSchedule
+from warp_cloth.solver.contact_schedule import MOST_LIFTED, ContactSchedule
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.step_options import StepOptions
 
@@ -181,6 +181,28 @@ def test_an_outer_layer_inside_the_inner_one_comes_out() -> None:
     beside = (worn[:, 1] > 0.01) & (worn[:, 1] < 0.15)
     assert beside.any()
     assert (np.linalg.norm(worn[beside][:, [0, 2]], axis=1) > 0.05 * np.cos(0.27)).all()  # the chord of an edge
+
+
+@pytest.mark.parametrize("apart", [True, False])
+def test_the_lift_of_modelled_layers_ends_once_they_are_apart(apart: bool) -> None:
+    """It would go on to hold a hem tangled between the thighs."""
+    inner, folded = grid(12, 0.22), crumpled(1)
+    points = folded.points
+    points[points[:, 2] > 0.5 * THICKNESS, 2] -= THICKNESS  # half of the fold through the sheet
+    points[:, 2] += 0.05 if apart else 0.0
+    model, cloth_contact, _ = sheets_at([inner, folded], precision="mixed")
+    relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
+    schedule = ContactSchedule(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
+    schedule.advance(0)  # awakens
+    cloth_contact.search(relaxation.contact_state())
+    assert cloth_contact.data.model.lift.numpy().any()
+    schedule.advance(MOST_LIFTED - 100)
+    assert cloth_contact.data.model.lift.numpy().any()
+    schedule.advance(MOST_LIFTED)
+    assert schedule.calm
+    assert cloth_contact.crossings() > 0
+    assert cloth_contact.layers_apart() == apart
+    assert cloth_contact.data.model.lift.numpy().any() != apart
 
 
 def test_layers_that_do_not_come_apart_are_shifted_further_and_again_less_once_they_have() -> None:

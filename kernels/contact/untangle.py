@@ -48,7 +48,8 @@ class Untangling:
     next_age: wp.array(dtype=wp.int32)  # the same after this search, shape [V]
     level: wp.array(dtype=wp.int32)  # how far around it the tangle is smoothed [1 / RING rings], shape [V]
     sum: wp.array2d(dtype=wp.int64)  # shifts [SHIFT_UNIT] and their count, shape [V, 4]
-    count: wp.array(dtype=wp.int32)  # crossing edges; vertices beyond a layer; tangled vertices, shape [3]
+    # crossing edges; vertices beyond a layer; tangled vertices; of the edges those that cross another layer, shape [4]
+    count: wp.array(dtype=wp.int32)
     nearest: wp.array(dtype=wp.int64)  # other layers' triangle nearest to a vertex, by ``distance_key``, shape [V]
 
 
@@ -107,7 +108,7 @@ def clear_tangles(search: ContactSearch, untangling: Untangling, candidates: Can
     clear_candidates(candidates, vertex)
     for column in range(4):
         untangling.sum[vertex, column] = wp.int64(0)
-    if vertex < 3:
+    if vertex < 4:
         untangling.count[vertex] = 0
 
 
@@ -146,6 +147,7 @@ def separate_crossing(state: Any, search: ContactSearch, untangling: Untangling,
         slope = edge_slope(state, ends, untangling.wings[edge], normal) * untangling.longest_shift
     else:  # the outer one goes outwards
         crossed = LAYERS
+        wp.atomic_add(untangling.count, 3, 1)
         slope = normal * (wp.float64(untangling.outward[corners[0]]) * untangling.longest_shift)
         if untangling.layer[ends[0]] < untangling.layer[corners[0]]:
             slope = -slope

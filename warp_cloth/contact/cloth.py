@@ -57,7 +57,7 @@ REQUEST_LIMIT = 0.01
 FORCE_BLOCKS = 384  # most blocks of a launch for contact forces: as many as a large GPU runs at a time
 MANY_MORE = 1.25  # pairs that were few are many only beyond this factor on their limit (hysteresis)
 LEAST_FORCE_BLOCKS = 64  # least blocks for contact forces in a launch that also moves vertices, given so many pairs
-CROSSING_COUNTS = 3  # Untangling.count; crossings are their sum
+CROSSING_COUNTS = 4  # Untangling.count; crossings are the sum of the first three
 SHIFT_FRACTION = 0.1  # of thickness and skin: longest untangling shift in an iteration
 
 
@@ -93,6 +93,7 @@ class ClothContact:
         self.implicit_steps = False  # whether iterations are implicit steps, which are long and few
         self.untangles = True  # whether searches also find and undo crossings
         self.layered = len({kind.layer for kind in kinds}) > 1
+        self.sews = any(garment.rest.source.kind != "mesh" for garment in garments)
         # read-back: the count of open seams or of pairs, then those of crossings
         self._counts = wp.zeros(1 + CROSSING_COUNTS, dtype=wp.int32, device="cpu", pinned=self._device.is_cuda)
         self._saved_pairs: list[wp.array] = []
@@ -259,7 +260,12 @@ class ClothContact:
 
     def crossings(self) -> int:
         """Crossings plus vertices tangled or on the wrong side of a layer, at the last ``read_crossings``."""
-        return int(self._counts.numpy()[1:].sum())
+        return int(self._counts.numpy()[1:-1].sum())
+
+    def layers_apart(self) -> bool:
+        """Whether no cloth crosses another layer or is on its wrong side, at the last ``read_crossings``."""
+        _, _, beyond, _, between = self._counts.numpy().tolist()
+        return bool(beyond + between == 0)
 
     def search_where_due(self, state: Any) -> None:
         """Searches for pairs where something has moved too far since the last search; the device decides.

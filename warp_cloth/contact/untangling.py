@@ -45,6 +45,6 @@ def sheet_untangling(sheets: Sheets, garments: Sequence[Garment], permutation: P
     untangling.outward = wp.full(count, 1.0, dtype=wp.float32)
     untangling.layer_depth = LAYER_DEPTH
     untangling.sum = wp.zeros((count, 4), dtype=wp.int64)
-    untangling.count = wp.zeros(3, dtype=wp.int32)
+    untangling.count = wp.zeros(4, dtype=wp.int32)
     untangling.nearest = wp.zeros(count, dtype=wp.int64)
     return untangling

@@ -21,6 +21,9 @@ MOST_CLOSING, FEW_OPEN = 2000, 2e-3
 CHECK_EVERY = 500  # iterations between checks for new crossings: a pose may have pushed cloth through
 ROOMY = 0.5  # fraction of the memory for pairs; below it the next burst does not wait for the measurement
 MOST_UNTANGLING = 2000  # iterations after which momentum may help where calm did not
+# The same after which layers that are apart are let down, though their cloth still crosses itself: a shirt and a jacket
+# had come apart and undone within 500.
+MOST_LIFTED = 1000
 
 
 class ContactSchedule:
@@ -135,6 +138,11 @@ class ContactSchedule:
             return False
         return self._end_untangling(iteration)
 
+    def _lift_is_over(self) -> bool:
+        """Whether layers with nothing to sew are apart: their lift would hold a hem between the thighs tangled."""
+        cloth_contact = self._cloth_contact
+        return cloth_contact.layered and not cloth_contact.sews and cloth_contact.layers_apart()
+
     def _goes_on_sewing(self, iteration: int) -> bool:
         """Whether seams have yet to close, and are given more iterations for that."""
         count = self._cloth_contact.open_seams()
@@ -146,6 +154,8 @@ class ContactSchedule:
         cloth_contact, since = self._cloth_contact, iteration - self._enabled_at
         crossings = cloth_contact.crossings() if cloth_contact.untangles or iteration % CHECK_EVERY == 0 else 0
         self.tangled_for = since if cloth_contact.untangles and crossings > 0 else 0
+        if self.calm and since >= MOST_LIFTED and crossings > 0 and self._lift_is_over():
+            cloth_contact.lift(0.0)
         if self.calm and since > 0 and (not crossings or since >= MOST_UNTANGLING):
             self._relaxation.set_momentum(self._momentum)
             cloth_contact.lift(0.0)
