@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, Skeleton
-from warp_cloth.anatomy.yielding import REACH, ROOM, yielded
+from warp_cloth.anatomy.yielding import REACH, ROOM, _pairs, yielded
 from warp_cloth.base.mesh import Mesh
 
 
@@ -59,3 +59,21 @@ def test_a_body_inside_out_yields_alike(pressed: tuple[Mesh, Skeleton]) -> None:
     body, skeleton = pressed
     inside_out = replace(body, triangles=np.ascontiguousarray(body.triangles[:, ::-1]))
     np.testing.assert_allclose(yielded(inside_out, skeleton), yielded(body, skeleton), atol=1e-6)
+
+
+def test_limbs_found_on_a_wrap_do_not_yield(pressed: tuple[Mesh, Skeleton]) -> None:
+    """Such a body may be in pieces, which would come apart."""
+    body, skeleton = pressed
+    assert yielded(body, replace(skeleton, is_of_wrap=True)) is None
+
+
+def test_arms_that_press_on_each_other_are_parted_once(skeleton: Skeleton) -> None:
+    """As two pairs they moved by twice what was missing."""
+    seen = [
+        frozenset((a, b))
+        for one, other in _pairs(skeleton)
+        for a in np.unique(skeleton.limb[one]).tolist()
+        for b in np.unique(skeleton.limb[other]).tolist()
+    ]
+    assert frozenset((RIGHT_ARM, LEFT_ARM)) in seen
+    assert len(seen) == len({*seen})

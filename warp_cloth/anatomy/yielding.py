@@ -29,8 +29,11 @@ ROUNDS = 4  # of moving both sides by half of what is missing: up to 2 mm are, i
 def yielded(body: Mesh, skeleton: Skeleton) -> Points | None:
     """The body's vertices [m], shape [V, 3], where skin has yielded; None: no limb presses on anything.
 
-    Arms press on all but the head, legs on each other.
+    Arms press on all but the head, legs on each other. None also of limbs that were found on a surface wrapped round
+    the body: its own may be in pieces that overlap, and would come apart.
     """
+    if skeleton.is_of_wrap:
+        return None
     points, sign = body.points, np.sign(_volume(body, skeleton.own))
     pairs = [tuple(_near_each_other(points, *pair)) for pair in _pairs(skeleton)]
     share: Floats | None = None
@@ -54,8 +57,8 @@ def yielded(body: Mesh, skeleton: Skeleton) -> Points | None:
 def _pairs(skeleton: Skeleton) -> Iterator[tuple[Numbers, Numbers]]:
     """Vertices of a limb, and of what it may press on."""
     limb = np.where(skeleton.own, skeleton.limb, HEAD)
-    for arm in (RIGHT_ARM, LEFT_ARM):
-        yield np.flatnonzero(limb == arm), np.flatnonzero((limb != arm) & (limb != HEAD))
+    yield np.flatnonzero(limb == RIGHT_ARM), np.flatnonzero((limb != RIGHT_ARM) & (limb != HEAD))
+    yield np.flatnonzero(limb == LEFT_ARM), np.flatnonzero(~np.isin(limb, (RIGHT_ARM, LEFT_ARM, HEAD)))
     yield np.flatnonzero(limb == RIGHT_LEG), np.flatnonzero(limb == LEFT_LEG)
 
 
