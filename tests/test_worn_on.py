@@ -282,6 +282,16 @@ def test_parts_of_one_garment_stay_one(tmp_path: Path, other: tuple[float, float
     assert prims_of(outfit_file(tmp_path / f"shirt.{kind}", tube_of(0.25, 0.95, 1.3), tube_of(*other))) == [None]
 
 
+def test_a_sleeve_modelled_by_itself_is_no_garment(tmp_path: Path) -> None:
+    """Its rim runs along that of the armhole, with vertices of its own: here it has 31 for 24."""
+    lower = tube(0.2505, 0.5, 0.949, around=31, rows=4)
+    path = outfit_file(tmp_path / "shirt.obj", tube_of(0.25, 0.95, 1.3), (lower.points, lower.triangles))
+    assert prims_of(path) == [None]
+    inner = tube(0.244, 0.95, 1.3, around=31, rows=4)  # hems of two layers
+    path = outfit_file(tmp_path / "layers.obj", tube_of(0.25, 0.95, 1.3), (inner.points, inner.triangles))
+    assert prims_of(path) == ["part0", "part1"]
+
+
 def test_a_file_that_names_no_object_is_not_read_for_that() -> None:
     assert obj_mesh_names("", b"v 0 0 0\nunknown\n") == []
     with pytest.raises(InputError, match="not an OBJ statement"):

@@ -21,13 +21,16 @@ from warp_cloth.loading.usd import mesh_paths_of
 
 SEAM = 1e-4  # [m]; vertices of two meshes that are as near to each other are one, and sewn
 SEWN = 0.25  # of a rim's vertices, from which on it is a seam: shells of one body share a vertex here and there
+# [m], and of a rim's vertices: so near to another mesh's rim, and so much of it, is a seam with vertices of its own on
+# either side, as of a sleeve modelled by itself; the hems of two layers are farther apart.
+ALONG, MOST = 2e-3, 0.5
 
 
 def separate_garments(path: Path) -> list[str]:
     """The names of the meshes of a file that are garments of their own, in its order; [] where it holds one.
 
     All are, or none: each has two openings at least and is no trim of another, and no rim lies on the vertices of
-    another, as those of panels and parts do along their seams.
+    another, or along a rim of it, as those of panels and parts do along their seams.
     """
     try:
         data = path.read_bytes()
@@ -46,7 +49,11 @@ def separate_garments(path: Path) -> list[str]:
     if min(areas) < SHARE * max(areas):
         return []
     pairs = permutations(zip(meshes, rims, strict=True), 2)
-    sewn = any(_lies_on(rim, other.points) for (_, own), (other, _) in pairs for rim in own)
+    sewn = any(
+        _lies_on(rim, other.points) or any(_runs_along(rim, its) for its in others)
+        for (_, own), (other, others) in pairs
+        for rim in own
+    )
     return [] if sewn else names
 
 
@@ -70,3 +77,19 @@ def _lies_on(rim: Points, other: Points) -> bool:
     """Whether much of a rim's vertices are where vertices of another mesh are [m]."""
     places = unique_rows(np.concatenate([np.round(other / SEAM), np.round(rim / SEAM)]) + 0.0)
     return bool((places.first[places.number[len(other) :]] < len(other)).mean() > SEWN)
+
+
+def _runs_along(rim: Points, other: Points) -> bool:
+    """Whether most of a rim is as near to another one as cloth is to a seam, shape [N, 3] and [M, 3]."""
+    low, high = other.min(axis=0) - ALONG, other.max(axis=0) + ALONG
+    near = rim[((rim >= low) & (rim <= high)).all(axis=1)]
+    if len(near) <= MOST * len(rim):
+        return False
+    sides = np.roll(other, -1, axis=0) - other
+    squares = np.maximum(np.einsum("mc,mc->m", sides, sides), np.finfo(np.float64).tiny)
+    count = 0
+    for point in near:
+        off = point - other
+        share = np.clip(np.einsum("mc,mc->m", off, sides) / squares, 0.0, 1.0)[:, None]
+        count += bool((np.linalg.norm(off - share * sides, axis=1) <= ALONG).any())
+    return count > MOST * len(rim)
