@@ -27,7 +27,8 @@ PATIENCE = 60.0  # [s] for a process
 ALONE = "no such scene file"  # what a client says that runs alone, of a scene with a name like these words
 # A resident whose command tells where it runs, and does what the scene's name says.
 RESIDENT = """
-import os, sys, time
+import os, signal, sys, time
+from warp_cloth.__main__ import _terminate
 from warp_cloth.base.errors import InputError
 from warp_cloth.cli.resident import listening, serve
 from warp_cloth.cli.resident_client import resident_place
@@ -45,6 +46,7 @@ def command():
         raise RuntimeError("unexpected")
     sys.exit(3)
 
+signal.signal(signal.SIGTERM, _terminate)
 try:
     with listening(resident_place()) as listener:
         print("ready", flush=True)
@@ -120,6 +122,17 @@ def test_a_client_whose_resident_is_killed_or_busy_does_the_work(resident: subpr
     resident.kill()
     _, err = waiting.communicate(timeout=PATIENCE)
     assert (waiting.returncode, ALONE in err) == (2, True)
+
+
+def test_a_resident_that_is_terminated_while_it_works_ends(resident: subprocess.Popen[str], folder: Path) -> None:
+    """It took the end of the work for the command's own, and stayed."""
+    waiting = client("wait")
+    assert said(waiting).startswith("wait")
+    resident.terminate()
+    _, err = waiting.communicate(timeout=PATIENCE)
+    assert (waiting.returncode, ALONE in err) == (2, True)
+    assert resident.wait(PATIENCE) == 128 + signal.SIGTERM
+    assert not list(folder.glob(f"*{ENDING}"))
 
 
 def test_an_interrupted_or_killed_client_ends_the_work(resident: subprocess.Popen[str]) -> None:

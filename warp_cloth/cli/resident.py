@@ -28,6 +28,7 @@ from warp_cloth.cli.terminal import INTERRUPTED, one_line_errors
 # What interrupts a command: not SIGINT, which shells let ignore what they start with &, but where there is no other.
 INTERRUPT = getattr(signal, "SIGUSR1", signal.SIGINT)
 FAILED = 1  # exit status of an error that nobody expected
+TERMINATED = 128 + signal.SIGTERM  # the same of a process that was sent that
 
 
 def resident_of(main: Callable[[], None]) -> Callable[..., None]:
@@ -134,6 +135,7 @@ def _answer(line: socket.socket, command: Callable[[], None]) -> bool:
     Raises:
         OSError: the client is gone, or never asked.
         ValueError, KeyError: what it sent is no request.
+        SystemExit: this process was terminated; the client, which gets no answer, does the work.
     """
     line.settimeout(PATIENCE)
     line.sendall(READY)
@@ -146,6 +148,8 @@ def _answer(line: socket.socket, command: Callable[[], None]) -> bool:
         line.settimeout(None)
         with _standing_for(json.loads(data), streams):
             status = _run(line, command)
+        if status == TERMINATED:
+            sys.exit(status)
     finally:
         for stream in streams:
             os.close(stream)
