@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from warp_cloth.anatomy.skeleton import LEFT_ARM, RIGHT_ARM, Skeleton
 from warp_cloth.anatomy.yielding import REACH, ROOM, _pairs, yielded
 from warp_cloth.base.mesh import Mesh
+from warp_cloth.garment.outfit import MeshCache, load_outfit
+from warp_cloth.scene import load_scene
 
 
 @pytest.fixture(scope="module")
@@ -77,3 +79,12 @@ def test_arms_that_press_on_each_other_are_parted_once(skeleton: Skeleton) -> No
     ]
     assert frozenset((RIGHT_ARM, LEFT_ARM)) in seen
     assert len(seen) == len({*seen})
+
+
+def test_a_body_that_does_not_yield_is_cached_once() -> None:
+    """Batches forget all meshes beyond some number of cached vertices; each body counted twice."""
+    cache = MeshCache()
+    outfit = load_outfit(load_scene("tshirt"), cache)
+    meshes = [made for made in cache.portable_entries().values() if isinstance(made, Mesh)]
+    assert outfit.avatar in meshes
+    assert len({id(mesh) for mesh in meshes}) == len(meshes)

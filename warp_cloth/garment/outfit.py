@@ -242,14 +242,14 @@ def _with_room(scene: Scene, body: Mesh, skeleton: Skeleton | None, mesh_cache: 
     if skeleton is None:
         return body
 
-    def make() -> Mesh:
+    def make() -> Mesh | None:
         points = stored_yielding(body, skeleton)
         if points is None:
-            return body
+            return None  # most bodies; each would be cached twice
         most = 1e3 * float(row_lengths(points - body.points).max())
         return replace(body, points=points, notes=(*body.notes, f"{YIELDS}, by up to {most:.0f} mm"))
 
-    return mesh_cache.get(("yielding", *avatar_recipe(scene)[0].key[1:]), make)
+    return mesh_cache.get(("yielding", *avatar_recipe(scene)[0].key[1:]), make) or body
 
 
 def wearer_skeleton(scene: Scene, avatar: Mesh | None, mesh_cache: MeshCache) -> Skeleton | None:
