@@ -36,7 +36,7 @@ NEAR_TRUNK = 0.5
 NECKS, NECK_STEP = (0.78, 0.89), 0.005  # of the stature: where the neck's narrowest level section is looked for
 NECK_SHIFTS = np.linspace(-0.015, 0.015, 7)  # of the stature, along the neck, from there
 # Where a head leans more than this from the trunk's up [degrees], to a side in most, its neck is also sought square to
-# its curve, so many of the curve's points above and below its joint: 8 degrees in who stands.
+# its curve, by the curve's points that many before and after its joint: 8 degrees in who stands.
 HEAD_LEANS, NECK_STEPS = 30.0, 6
 NECK_AROUND = 0.1  # of the stature, round its middle: what the tape may touch
 RIM = 0.004  # of the stature: what is so near to a cut through the body is its rim

@@ -1,7 +1,7 @@
 """Fronts and backs cut across: a colour block below the chest, a midriff, a yoke of a skirt, one below another.
 
 Each piece below the first has neither neck nor armholes, and is as wide above as what it is sewn to is below: so its
-place is told, where it is as long at its sides in front and behind, and no layer of what it would be sewn to: that has
+place is known, where it is as long at its sides in front and behind, and no layer of what it would be sewn to: that has
 its width, too, and only names tell it from a piece below. It is taken for a skirt's, and what is below it for a tier.
 """
 
