@@ -21,6 +21,9 @@ MILLIMETRES = 1e3
 # A garment's chest is measured slightly below its armholes, and those of a wide garment hang low [m].
 LOWER = {"chest": 0.12}
 STEP = 0.01
+# So many times as long as the steps below it lead to: a section just below an armhole still cuts the sleeve, by as much
+# as a mesh happens to have its edges there (T-shirts of 8 to 25 mm: 1 to 3.5 cm of 108, and none one step below).
+CUTS_SLEEVE = 1.003
 SLEEVED = 1.12  # times as long as one step below: a sleeve is part of it
 # A level lies across a fold where the girth is so many times that above and that below, within so many steps.
 FOLDED, NEARBY_STEPS = 1.05, (1, 2, 3, 4, 5)
@@ -75,8 +78,8 @@ def garment_girths(name: str, points: Points, sheet: Sheet | None, trunk: TrunkL
 
     ``garment_girth`` is the length of the cloth around the trunk as worn, folds included; ``natural_girth`` that of the
     same line in the rest shape; ``ease`` is the natural minus the body's girth, negative where the cloth must stretch
-    to go around. Where sleeves join the trunk at the chest, the garment is measured slightly lower; where a fold lies
-    across a level, next to it.
+    to go around. Where sleeves join the trunk at the chest, the garment is measured slightly lower, off them; where a
+    fold lies across a level, next to it.
     """
     rows: list[dict[str, Any]] = []
     if sheet is None:
@@ -123,12 +126,31 @@ def _girth_near(cloth: _Cloth, trunk: TrunkLevels, around: _Around) -> _Girth | 
             found, around, height = lower, body, level.height - drop
     if found is None or not found.closed:
         return found
+    if level.name in LOWER:
+        found, around, height = _off_sleeves(cloth, trunk, around, found, height)
     if level.name in LOWER and height == level.height and not around.limbs:
         found, around, height = _below_sleeves(cloth, trunk, around, found)
     above, below = (
         [_closed_girth(cloth, around, height + sign * STEP * step) for step in NEARBY_STEPS] for sign in (1.0, -1.0)
     )
     return _girth_off_fold(found, above, below)
+
+
+def _off_sleeves(
+    cloth: _Cloth, trunk: TrunkLevels, around: _Around, found: _Girth, height: float
+) -> tuple[_Girth, _Around, float]:
+    """A chest's girth, its level and height [m], or those one step below where the section cuts sleeves."""
+    below = []
+    for step in (1, 2):
+        body = trunk.at(height - step * STEP)
+        girth = None if body is None else _closed_girth(cloth, body, height - step * STEP)
+        if body is None or girth is None:
+            return found, around, height
+        below.append((girth, body))
+    (lower, body), (lowest, _) = below
+    straight = max(lower.natural, 2.0 * lower.natural - lowest.natural)
+    cuts = around.limbs and found.natural > CUTS_SLEEVE * straight
+    return (lower, body, height - STEP) if cuts else (found, around, height)
 
 
 def _below_sleeves(cloth: _Cloth, trunk: TrunkLevels, around: _Around, found: _Girth) -> tuple[_Girth, _Around, float]:
