@@ -120,15 +120,13 @@ def _girth_near(cloth: _Cloth, trunk: TrunkLevels, around: _Around) -> _Girth | 
     for drop in np.arange(0.0, LOWER.get(level.name, 0.0) + 0.5 * STEP, STEP)[1:]:
         if found is None or found.closed:
             break
-        body = trunk.at(level.height - drop)
-        lower = None if body is None else _closed_girth(cloth, body, level.height - drop)
-        if body is not None and lower is not None:
-            found, around, height = lower, body, level.height - drop
+        if (lower := _ring_at(cloth, trunk, level.height - drop)) is not None:
+            (found, around), height = lower, level.height - drop
     if found is None or not found.closed:
         return found
-    if level.name in LOWER:
+    if level.name in LOWER and around.limbs:
         found, around, height = _off_sleeves(cloth, trunk, around, found, height)
-    if level.name in LOWER and height == level.height and not around.limbs:
+    elif level.name in LOWER and height == level.height:
         found, around, height = _below_sleeves(cloth, trunk, around, found)
     above, below = (
         [_closed_girth(cloth, around, height + sign * STEP * step) for step in NEARBY_STEPS] for sign in (1.0, -1.0)
@@ -140,17 +138,12 @@ def _off_sleeves(
     cloth: _Cloth, trunk: TrunkLevels, around: _Around, found: _Girth, height: float
 ) -> tuple[_Girth, _Around, float]:
     """A chest's girth, its level and height [m], or those one step below where the section cuts sleeves."""
-    below = []
-    for step in (1, 2):
-        body = trunk.at(height - step * STEP)
-        girth = None if body is None else _closed_girth(cloth, body, height - step * STEP)
-        if body is None or girth is None:
-            return found, around, height
-        below.append((girth, body))
-    (lower, body), (lowest, _) = below
-    straight = max(lower.natural, 2.0 * lower.natural - lowest.natural)
-    cuts = around.limbs and found.natural > CUTS_SLEEVE * straight
-    return (lower, body, height - STEP) if cuts else (found, around, height)
+    below, lowest = (_ring_at(cloth, trunk, height - step * STEP) for step in (1, 2))
+    if below is None or lowest is None:
+        return found, around, height
+    lower = below[0].natural
+    cuts = found.natural > CUTS_SLEEVE * max(lower, 2.0 * lower - lowest[0].natural)
+    return (*below, height - STEP) if cuts else (found, around, height)
 
 
 def _below_sleeves(cloth: _Cloth, trunk: TrunkLevels, around: _Around, found: _Girth) -> tuple[_Girth, _Around, float]:
@@ -161,13 +154,12 @@ def _below_sleeves(cloth: _Cloth, trunk: TrunkLevels, around: _Around, found: _G
     name, start = around.level.name, around.level.height
     here = found
     for drop in np.arange(0.0, LOWER[name] + 0.5 * STEP, STEP)[1:]:
-        body = trunk.at(start - drop)
-        lower = None if body is None else _closed_girth(cloth, body, start - drop)
-        if body is None or lower is None or body.limbs:
+        ring = _ring_at(cloth, trunk, start - drop)
+        if ring is None or ring[1].limbs:
             break
-        if here.natural > SLEEVED * lower.natural:
-            return lower, body, start - drop
-        here = lower
+        if here.natural > SLEEVED * ring[0].natural:
+            return (*ring, start - drop)
+        here = ring[0]
     return found, around, start
 
 
@@ -194,6 +186,13 @@ def _girth(cloth: _Cloth, around: _Around, height: float) -> _Girth | None:
         return _measured(cloth, section, section.part == ring, closed=True)
     chosen = _near_the_trunk(section.ends, around)
     return None if _covered(section.ends[chosen], around) < PRESENT else _measured(cloth, section, chosen, closed=False)
+
+
+def _ring_at(cloth: _Cloth, trunk: TrunkLevels, height: float) -> tuple[_Girth, _Around] | None:
+    """The garment's girth at a height [m], and the body's level there; None: it does not go all the way around."""
+    around = trunk.at(height)
+    girth = None if around is None else _closed_girth(cloth, around, height)
+    return None if around is None or girth is None else (girth, around)
 
 
 def _closed_girth(cloth: _Cloth, around: _Around, height: float) -> _Girth | None:
