@@ -18,9 +18,8 @@ from warp_cloth.pattern.kinds import plain
 from warp_cloth.pattern.leg_openings import CROTCH_UP_TO, REACH
 from warp_cloth.pattern.panel_roles import smooth_runs
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.roles import Roles, Shape
+from warp_cloth.pattern.roles import UPWARDS, Roles, Shape
 
-UPWARDS = np.array([0.0, 1.0])
 # [m] of a crotch that its length alone tells; a halter top may be wider between its armholes, as nappies are there
 SURE_UP_TO = 0.12
 NARROW = 0.5  # crotch over width, at most

@@ -20,6 +20,7 @@ from warp_cloth.pattern.kinds import Named
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.roles import (
     SHOULDER_FALL,
+    UPWARDS,
     Roles,
     Shape,
     hood_roles,
@@ -262,7 +263,7 @@ class _Kinds:
         fits: dict[int, list[str]] = {}
         for index in self._firsts:
             piece = self.pieces[index]
-            shape = Shape(piece.edges, np.array([0.0, 1.0]))
+            shape = Shape(piece.edges, UPWARDS)
             if index in self._found or not is_strip(shape):
                 continue
             long = float(np.ptp(np.array(shape.box), axis=0).max())

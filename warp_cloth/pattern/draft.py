@@ -35,7 +35,7 @@ from warp_cloth.pattern.part_roles import roles_of, side_of
 from warp_cloth.pattern.piece import Piece
 from warp_cloth.pattern.pieces import opened
 from warp_cloth.pattern.pocket_openings import without_pocket_openings
-from warp_cloth.pattern.roles import Roles, Shape, is_strip, pants_roles, upright
+from warp_cloth.pattern.roles import UPWARDS, Roles, Shape, is_strip, pants_roles, upright
 from warp_cloth.pattern.round_skirts import ring_of
 from warp_cloth.pattern.specification import MOST_PANELS, Dart, short
 from warp_cloth.pattern.stacked import with_stacked
@@ -46,7 +46,6 @@ from warp_cloth.pattern.tops import Top, cut_outs, is_at_neck, top_of
 MIRRORED = " mirrored"  # after the name of a second, mirrored copy
 SINGLE = ("front", "back", "bib", "collar", "waistband", "hem_band", *YOKES, *SKIRTS)
 MIRROR = np.diag([-1.0, 1.0])
-UPWARDS = np.array([0.0, 1.0])
 ASLANT = 0.05  # across the grain, of the way up of a quarter of a ring
 FEWEST_GORES = 3  # of one piece, all round
 BY_SHAPE = 0.85  # how sure it is of what no name tells

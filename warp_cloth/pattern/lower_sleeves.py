@@ -10,11 +10,10 @@ import numpy as np
 from warp_cloth.pattern.kinds import UNDER_SLEEVE
 from warp_cloth.pattern.panel_roles import is_cut_across
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.roles import Shape, sleeve_roles, upright
+from warp_cloth.pattern.roles import UPWARDS, Shape, sleeve_roles, upright
 
 LOWER_SLEEVE = "lower_sleeve"
 AS_WIDE = 0.03  # relative, of its top and the hem that this is sewn to
-UPWARDS = np.array([0.0, 1.0])
 
 
 def with_lower_sleeves(pieces: Sequence[Piece], stated: Set[str]) -> list[Piece]:

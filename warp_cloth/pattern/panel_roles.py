@@ -10,7 +10,7 @@ from warp_cloth.pattern.bodices import arm_side, bodice_roles
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.roles import BENT, Roles, Shape, ends_of, sleeve_roles
+from warp_cloth.pattern.roles import BENT, UPWARDS, Roles, Shape, ends_of, sleeve_roles
 
 SHARP = 0.5 * BENT  # turn at which one seam ends and another begins
 PLUMB = 0.01  # across over along, of the middle of half a skirt
@@ -205,7 +205,7 @@ def godet_roles(shape: Shape) -> Roles:
 
 def is_cut_across(piece: Piece) -> bool:
     """Whether a sleeve's lower piece has straight ends: a forearm, and no under sleeve, whose top is hollow."""
-    shape = Shape(piece.edges, np.array([0.0, 1.0]))
+    shape = Shape(piece.edges, UPWARDS)
     return all(shape.is_straight(k) for k in shape.order if shape.runs_across(k))
 
 

@@ -24,6 +24,8 @@ STRIP, NAMED_STRIP = 2.5, 1.15  # length over width; of a straight piece that it
 STEEP = 0.75  # |dy| of an underarm edge, per length
 BOWED_END = 0.08  # of the chord, that the top of a sleeve bows, and its hem does not
 
+UPWARDS = np.array([0.0, 1.0])  # of a piece that is drawn as it hangs
+
 Roles = dict[str, tuple[int, ...]]
 
 
@@ -133,7 +135,7 @@ def is_strip(shape: Shape, is_named: bool = False) -> bool:
 
 def upright(edges: tuple[Chain, ...], kind: str) -> Floats:
     """Which way along the grain is up as worn: +y, as drawn, where the shape does not tell."""
-    shape = Shape(edges, np.array([0.0, 1.0]))
+    shape = Shape(edges, UPWARDS)
     low, high = shape.box
     height = float(high[1] - low[1])
     if kind in ("front", "back", "side_front", "side_back", "leg_front", "leg_back", "leg"):

@@ -13,11 +13,10 @@ import numpy as np
 from warp_cloth.pattern.chain import Chain
 from warp_cloth.pattern.curve import Floats
 from warp_cloth.pattern.loops import turns_of
-from warp_cloth.pattern.roles import BENT, Roles, Shape
+from warp_cloth.pattern.roles import BENT, UPWARDS, Roles, Shape
 
 LEAST_TURN = np.radians(75.0)  # of a waist's arc; less is a skirt that hangs as drawn, its waist a little hollow
 ALIKE_TURN = 0.7  # of the waist's turn, that its hem has at least
-UPWARDS = np.array([0.0, 1.0])
 PLUMB = 0.05  # across over along the grain, of half a front's straight centre
 
 

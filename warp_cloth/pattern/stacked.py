@@ -18,7 +18,7 @@ from warp_cloth.pattern.cloth_layers import is_layer_by_name
 from warp_cloth.pattern.kinds import spaced
 from warp_cloth.pattern.part_roles import roles_of
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.roles import Shape, ends_of, upright
+from warp_cloth.pattern.roles import UPWARDS, Shape, ends_of, upright
 from warp_cloth.pattern.tops import tube_roles
 from warp_cloth.pattern.vocabulary import ABOVE, BELOW, BETWEEN
 
@@ -28,7 +28,6 @@ SIDES_ALIKE = 0.02  # relative, of a front and a back that are of one height
 MOST = 4  # pieces one below another
 APART = 0.02  # relative, by which hems fit better in one order than in any other
 FACES = ("front", "back")
-UPWARDS = np.array([0.0, 1.0])
 
 
 def with_stacked(pieces: Sequence[Piece], stated: Set[str]) -> list[Piece]:

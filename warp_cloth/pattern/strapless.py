@@ -13,7 +13,7 @@ import numpy as np
 
 from warp_cloth.pattern.by_shape import is_bodice
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.roles import Roles, Shape, skirt_roles
+from warp_cloth.pattern.roles import UPWARDS, Roles, Shape, skirt_roles
 
 STRAPLESS = "under_arms"  # a role without edges, which tells that a front or back is of such a top
 WIDENS = 1.04  # bust over waist, at least; a skirt with a high waist is little wider above it
@@ -21,7 +21,6 @@ TO_WAIST = 0.12  # [m] from the bust's top down to the waist, at least; a skirt'
 FLARES = 1.02  # hem over waist of a dress
 TOO_SHORT = 0.28  # [m] for a skirt
 WHOLE = 0.6  # of the widest place, that the upper end is wide at least; what is less hangs from something
-UPWARDS = np.array([0.0, 1.0])
 
 
 @dataclass(frozen=True)

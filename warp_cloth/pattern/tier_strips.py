@@ -8,10 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from warp_cloth.pattern.piece import Piece
-from warp_cloth.pattern.roles import Shape
+from warp_cloth.pattern.roles import UPWARDS, Shape
 from warp_cloth.pattern.specification import short
-
-UPWARDS = np.array([0.0, 1.0])
 
 
 def with_faces_of_tiers(pieces: Sequence[Piece], stated: Set[str]) -> tuple[list[Piece], list[str]]:

@@ -82,7 +82,7 @@ def cut_outs(piece: Piece) -> int:
 
 
 def tube_roles(piece: Piece, up: Floats | None = None) -> Roles | None:
-    """Waist, hem and sides of a front or back, or half of one, that goes all round, as of a mermaid skirt; else None.
+    """Waist, hem and sides of a front or back, or half of one, that goes all round, such as a mermaid skirt; else None.
 
     Its sides run without a corner from the hem up to a level waist. ``up``: of the piece; None: the narrower end.
     """
