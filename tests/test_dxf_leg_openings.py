@@ -54,7 +54,7 @@ def test_the_crotch_ends_at_corners_where_openings_run_flat(tmp_path: Path) -> N
 
 
 def test_a_side_that_runs_out_to_the_bust_is_not_of_the_opening(tmp_path: Path) -> None:
-    """As of a swimsuit, wider at the bust than at the hip; the openings were sewn shut down to the crotch."""
+    """Such as a swimsuit, wider at the bust than at the hip; the openings were sewn shut down to the crotch."""
     pieces = []
     for name, depth, inner in (("FRONT", 14.0, 8.0), ("BACK", 20.0, 15.0)):
         crotch, hip, under, tip, high = (4.0, 0.0), (20.0, 20.0), (21.0, 42.0), (9.5, 62.0), (7.0, 62.0)

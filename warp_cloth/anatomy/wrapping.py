@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import row_lengths
 from warp_cloth.base.connected import mesh_parts
-from warp_cloth.base.mesh import Indices, Points, face_normals
+from warp_cloth.base.mesh import Indices, Points, face_normals, signed_volumes
 from warp_cloth.base.surface import split_quads, surface_nets, without_saddles
 
 CELLS = 160  # along the body's largest extent: 1 cm in a grown-up
@@ -35,7 +35,7 @@ def wrapped(points: Points, triangles: Indices) -> tuple[Points, Indices]:
     """
     corners = points[triangles]
     box = np.ptp(corners.reshape(-1, 3), axis=0)
-    if abs(_volumes(corners - points[0]).sum()) > FILLED * box.prod():
+    if abs(signed_volumes(corners - points[0]).sum()) > FILLED * box.prod():
         return points[:0], triangles[:0]
     from scipy import ndimage
 
@@ -57,15 +57,10 @@ def _is_sheet(points: Points, triangles: Indices, thinnest: float) -> NDArray[np
     """Whether each triangle belongs to a connected part that encloses hardly anything; none does where all would."""
     part = mesh_parts(len(points), triangles)[triangles[:, 0]]
     corners = points[triangles] - points[part][:, None]
-    volume = np.bincount(part, _volumes(corners), len(points))
+    volume = np.bincount(part, signed_volumes(corners), len(points))
     area = np.bincount(part, 0.5 * row_lengths(face_normals(corners)), len(points))
     thin = (np.abs(volume) <= thinnest * area)[part]
     return np.zeros(len(triangles), dtype=bool) if thin.all() else np.asarray(thin)
-
-
-def _volumes(corners: Points) -> NDArray[np.float64]:
-    """The volume between each triangle and the origin [m3], shape [F]."""
-    return np.asarray(np.einsum("ij,ij->i", corners[:, 0], face_normals(corners)) / 6.0)
 
 
 def _samples(corners: Points, apart: float) -> Points:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.anatomy.geodesics import Floats, nearest_points, row_lengths
 from warp_cloth.anatomy.skeleton import HEAD, LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, Skeleton
-from warp_cloth.base.mesh import Indices, Mesh, Points, vertex_normals
+from warp_cloth.base.mesh import Mesh, Points, signed_volumes, vertex_normals
 
 Numbers = NDArray[np.int64]  # of vertices, shape [N]
 
@@ -34,7 +34,8 @@ def yielded(body: Mesh, skeleton: Skeleton) -> Points | None:
     """
     if skeleton.is_of_wrap:
         return None
-    points, sign = body.points, np.sign(_volume(body, skeleton.own))
+    own = body.points[body.triangles[skeleton.own[body.triangles[:, 0]]]]
+    points, sign = body.points, np.sign(signed_volumes(own - own.mean(axis=(0, 1))).sum())  # -1: it is inside out
     pairs = [tuple(_near_each_other(points, *pair)) for pair in _pairs(skeleton)]
     share: Floats | None = None
     for _ in range(ROUNDS):
@@ -86,10 +87,3 @@ def _shares(body: Mesh, skeleton: Skeleton) -> Floats:
     joined = np.unique(body.triangles[(limb != limb[:, :1]).any(axis=1)])
     nearest = joined[nearest_points(body.points[joined], body.points)]
     return np.asarray(np.minimum(row_lengths(body.points - body.points[nearest]) / FOLD, 1.0))
-
-
-def _volume(body: Mesh, own: NDArray[np.bool_]) -> float:
-    """What the surface that has the limbs encloses [m3]; negative where it is inside out."""
-    triangles: Indices = body.triangles[own[body.triangles[:, 0]]]
-    a, b, c = np.moveaxis(body.points[triangles] - body.points[own].mean(axis=0), 1, 0)
-    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0

@@ -106,6 +106,11 @@ def face_normals(corners: Points) -> Points:
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
+def signed_volumes(corners: Points) -> NDArray[np.float64]:
+    """Volume between each triangle, shape [F, 3, 3], and the origin [m3], shape [F]; below 0 where it faces that."""
+    return np.asarray(np.einsum("ij,ij->i", corners[:, 0], face_normals(corners)) / 6.0)
+
+
 def vertex_normals(points: ArrayLike, triangles: Indices) -> NDArray[np.float32]:
     """Unit vertex normals, triangles weighted by area, shape [V, 3]; up (0, 1, 0) where no area meets."""
     corners = np.asarray(points, dtype=np.float64)[triangles]

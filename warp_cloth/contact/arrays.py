@@ -98,7 +98,7 @@ def search_arrays(
     near = np.concatenate([vertices + first for (_, vertices), first in zip(rows, start, strict=False)])
     near_start, near = permutation.lists(np.concatenate([[0], np.cumsum(counts)]), permutation.of(near))
     search.near_start, search.near = wp.array(near_start, dtype=wp.int32), wp.array(near, dtype=wp.int32)
-    open_stretch = [np.inf if garment.rest.source.kind == "mesh" else OPEN_STRETCH for garment in garments]
+    open_stretch = [np.inf if garment.is_modelled else OPEN_STRETCH for garment in garments]
     lengths = [each * garment.rest.edge_length for each, garment in zip(open_stretch, garments, strict=True)]
     search.longest = wp.array(np.concatenate(lengths), dtype=wp.float32)
     search.sides = wp.array(sheets.triangle_edges, dtype=wp.vec3i)

@@ -93,7 +93,7 @@ class ClothContact:
         self.implicit_steps = False  # whether iterations are implicit steps, which are long and few
         self.untangles = True  # whether searches also find and undo crossings
         self.layered = len({kind.layer for kind in kinds}) > 1
-        self.sews = any(garment.rest.source.kind != "mesh" for garment in garments)
+        self.sews = not all(garment.is_modelled for garment in garments)
         # read-back: the count of open seams or of pairs, then those of crossings
         self._counts = wp.zeros(1 + CROSSING_COUNTS, dtype=wp.int32, device="cpu", pinned=self._device.is_cuda)
         self._saved_pairs: list[wp.array] = []

@@ -34,7 +34,7 @@ def open_ends(
     """
     specs, choices = list(scene.garments), []
     for index, (spec, key, garment) in enumerate(zip(scene.garments, scene.garment_keys, garments, strict=True)):
-        is_modelled = garment.rest.source.kind == "mesh" and spec.mesh is not None
+        is_modelled = garment.is_modelled and spec.mesh is not None
         if not is_modelled or "open_ends" in spec.model_fields_set:
             continue
         ends = closed_ends(garment.points, garment.triangles)

@@ -27,6 +27,11 @@ class Garment:
         """Lowest and highest corner of its initial bounding box [m], each shape [3]."""
         return self.points.min(axis=0), self.points.max(axis=0)
 
+    @property
+    def is_modelled(self) -> bool:
+        """Whether it was modelled in 3-D, so that its mesh is its rest shape and there is nothing to sew."""
+        return self.rest.source.kind == "mesh"
+
     @cached_property
     def terms(self) -> Terms:
         """The terms of the model that act in it."""

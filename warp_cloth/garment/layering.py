@@ -29,7 +29,7 @@ def refuse_twins(scene: Scene, garments: Sequence[Garment]) -> None:
     if scene.collision.cloth is False:
         return
     for (one, first), (other, second) in combinations(zip(scene.garment_keys, garments, strict=True), 2):
-        if not (_is_modelled(first) and _is_modelled(second)):
+        if not (first.is_modelled and second.is_modelled):
             continue
         if np.array_equal(first.points, second.points) and np.array_equal(first.triangles, second.triangles):
             raise InputError(other, f"is the same mesh in the same place as {one}", "remove one of them, or move it")
@@ -41,7 +41,7 @@ def layers_of(scene: Scene, garments: Sequence[Garment], skin: Skin | None) -> t
     Only garments modelled in 3-D tell which is the inner one. ``skin``: that they are modelled on; None: it moves, or
     they do not meet it.
     """
-    modelled = [index for index, garment in enumerate(garments) if _is_modelled(garment)]
+    modelled = [index for index, garment in enumerate(garments) if garment.is_modelled]
     if skin is None or len(modelled) < 2 or scene.collision.cloth is False:
         return (), []
     heights = {index: _mean_heights(garments[index], skin) for index in modelled}
@@ -60,10 +60,6 @@ def layers_of(scene: Scene, garments: Sequence[Garment], skin: Skin | None) -> t
     reason = ", ".join(f"{keys[one]} lies within {keys[index]}" for index in modelled for one in inner_of[index])
     value = ", ".join(keys[index] for index in order)
     return tuple(np.argsort(order).tolist()), [Choice("garment", value, f"inner to outer, as {reason}")]
-
-
-def _is_modelled(garment: Garment) -> bool:
-    return garment.rest.source.kind == "mesh"
 
 
 def _mean_heights(garment: Garment, skin: Skin) -> NDArray[np.float64]:

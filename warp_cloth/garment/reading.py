@@ -97,7 +97,7 @@ def cloths_of(
 ) -> list[Cloth]:
     """The garments of a scene as they were read; ``skin``: of the body as in ``read_again``."""
     each = zip(meshes, garments, worn, strict=True)
-    return [Cloth(*own, skin if own[1].rest.source.kind == "mesh" else None) for own in each]
+    return [Cloth(*own, skin if own[1].is_modelled else None) for own in each]
 
 
 def read_again(scene: Scene, cloths: Sequence[Cloth], body: Mesh | None) -> tuple[Scene, list[Choice]]:

@@ -22,7 +22,7 @@ from warp_cloth.loading.usd import mesh_paths_of
 SEAM = 1e-4  # [m]; vertices of two meshes that are as near to each other are one, and sewn
 SEWN = 0.25  # of a rim's vertices, from which on it is a seam: shells of one body share a vertex here and there
 # [m], and of a rim's vertices: so near to another mesh's rim, and so much of it, is a seam with vertices of its own on
-# either side, as of a sleeve modelled by itself; the hems of two layers are farther apart.
+# either side, such as a sleeve modelled by itself has; the hems of two layers are farther apart.
 ALONG, MOST = 2e-3, 0.5
 
 
